@@ -1,0 +1,100 @@
+/* The heading from a field of which only two components are measured. */
+#include "two_axis.h"
+
+#include "vec3.h"
+
+/* A slope below this has no direction that floats could tell; it does not matter either. */
+static const float SLOPE_MIN = 1e-3f;
+
+/* Newton's method is quadratic: after a step as small as this the next one would be below what floats
+ * resolve. */
+static const float STEP_DONE = 3e-4f;
+enum { NEWTON_STEPS_MAX = 8 };
+
+/* A step of more than half a radian leaves the region in which the linearisation means anything. */
+static const float STEP_MAX = 0.5f;
+
+/* Roots nearer than this (radians) are one. */
+static const float SEPARATION_MIN = 0.02f;
+
+/* A point (cos, sin) of the unit circle that stands for (cos, w sin) of the ellipse; p is the measured point.
+ */
+struct ellipse_point {
+    float c, s;
+    bool is_minimum;
+};
+
+static struct ellipse_point nearest_from(float c, float s, const float p[2], float w) {
+    float curvature = -1.0f;
+    for (unsigned step = 0; step < NEWTON_STEPS_MAX; step++) {
+        const float across = c - p[0];
+        const float along = w * s - p[1];
+        const float slope = -s * across + w * c * along;
+        curvature = s * s - c * across + w * (w * c * c - s * along);
+        const float size = fabsf(curvature) + 1e-6f;
+        float turn = -slope / size;
+        turn = turn > STEP_MAX ? STEP_MAX : turn < -STEP_MAX ? -STEP_MAX : turn;
+        const float c_turned = c - s * turn;
+        const float s_turned = s + c * turn;
+        const float norm = sqrtf(1.0f + turn * turn);
+        c = c_turned / norm;
+        s = s_turned / norm;
+        if (fabsf(turn) < STEP_DONE)
+            break;
+    }
+    return (struct ellipse_point){c, s, curvature > 0.0f};
+}
+
+unsigned two_axis_solve(const float up[3], const float field_ut[3], float horizontal_ut, float down_ut,
+                        float misfit_max_ut, struct two_axis_root roots[2]) {
+    /* Unit vectors of the plane: downhill reversed (along), and level (across). */
+    const float slope = sqrtf(up[0] * up[0] + up[1] * up[1]);
+    const float along_x = slope > SLOPE_MIN ? up[0] / slope : 1.0f;
+    const float along_y = slope > SLOPE_MIN ? up[1] / slope : 0.0f;
+    const float level[3] = {-along_y, along_x, 0.0f};
+    float uphill[3]; /* across up and level */
+    vec3_cross(up, level, uphill);
+
+    /* north = c * level + s * uphill projects to c across and -u_z s along. */
+    const float w = -up[2];
+    const float p[2] = {
+        (field_ut[0] * level[0] + field_ut[1] * level[1]) / horizontal_ut,
+        (field_ut[0] * along_x + field_ut[1] * along_y + down_ut * slope) / horizontal_ut,
+    };
+
+    /* One start a side, above the measured point; first on the side that it is nearer to. */
+    const float c_start = p[0] > 1.0f ? 1.0f : p[0] < -1.0f ? -1.0f : p[0];
+    float s_start = sqrtf(1.0f - c_start * c_start);
+    if (p[1] * w < 0.0f)
+        s_start = -s_start;
+    unsigned count = 0u;
+    for (unsigned side = 0; side < 2u; side++) {
+        const struct ellipse_point point = nearest_from(c_start, side == 0u ? s_start : -s_start, p, w);
+        if (!point.is_minimum && side == 1u)
+            continue;
+        struct two_axis_root *const root = &roots[count];
+        for (unsigned i = 0; i < 3u; i++)
+            root->north[i] = point.c * level[i] + point.s * uphill[i];
+        root->misfit[0] = horizontal_ut * (p[0] - point.c);
+        root->misfit[1] = horizontal_ut * (p[1] - w * point.s);
+        root->sensitivity = horizontal_ut * sqrtf(point.s * point.s + w * w * point.c * point.c);
+        count++;
+        /* All of the other side is beyond the ellipse's axis. */
+        if (fabsf(p[1]) * horizontal_ut > misfit_max_ut)
+            break;
+    }
+    if (count == 2u) {
+        if (vec3_distance_squared(roots[0].north, roots[1].north) < SEPARATION_MIN * SEPARATION_MIN)
+            count = 1u;
+        if (two_axis_cost(&roots[1]) < two_axis_cost(&roots[0])) {
+            const struct two_axis_root better = roots[1];
+            roots[1] = roots[0];
+            roots[0] = better;
+        }
+    }
+    return count;
+}
+
+float two_axis_cost(const struct two_axis_root *root) {
+    return root->misfit[0] * root->misfit[0] + root->misfit[1] * root->misfit[1];
+}

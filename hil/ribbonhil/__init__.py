@@ -1,0 +1,1 @@
+"""Hardware in the loop: emulated ribbons, and checks for emulated and real ones."""

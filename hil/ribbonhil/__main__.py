@@ -1,0 +1,5 @@
+"""`python -m ribbonhil` is the command `ribbonhil`."""
+
+from ribbonhil.cli import main
+
+main()

@@ -1,0 +1,84 @@
+"""What `ribbonhil serve` does: a comb, a port for each ribbon, a comb file that names them."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from ribbonhost.comb import Comb, CombRibbon
+from ribbonhost.device import open_device
+from ribbonhost.wire import CommandCode
+
+from ribbonhil.emulator import EmulatedComb, open_line
+from ribbonhil.serve import Endpoint, PtyEndpoint, TcpEndpoint, serve, to_line
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """What was asked for on the command line; port is that of the first ribbon, 0 for any."""
+
+    scene: str
+    ribbons: int
+    rate_hz: int
+    seed: int
+    period_s: float | None
+    noise: float
+    image: str
+    board: str
+    use_tcp: bool
+    address: str
+    port: int
+    seconds: float | None
+
+
+def run_serve(
+    options: ServeOptions,
+    on_start: Callable[[str, list[str]], None],
+    on_change: Callable[[int, bool, int], None],
+) -> None:
+    """Serves until interrupted.
+
+    on_start is called once with the text of the comb file and the URLs, the reference's first; on_change as
+    by serve(). Raises UsageError or SceneError for what cannot be served.
+    """
+    with ExitStack() as stack:
+        comb = stack.enter_context(
+            EmulatedComb(
+                options.scene,
+                options.ribbons,
+                options.seed,
+                options.period_s,
+                options.noise,
+                image=options.image,
+                board=options.board,
+            )
+        )
+        for url in comb.urls:
+            set_rate(url, options.rate_hz)
+        lines = [open_line(comb.spec, index) for index in range(options.ribbons + 1)]
+        for line in lines:
+            stack.callback(line.close)
+        endpoints: list[Endpoint] = []
+        for index, line in enumerate(lines):
+            if options.use_tcp:
+                port = options.port + index if options.port else 0
+                endpoints.append(TcpEndpoint(options.address, port, to_line(line)))
+            else:
+                endpoints.append(PtyEndpoint(to_line(line)))
+        on_start(comb_text(comb), [endpoint.url for endpoint in endpoints])
+        serve(lines, endpoints, on_change, options.seconds)
+
+
+def comb_text(comb: EmulatedComb) -> str:
+    """The comb file of an emulated comb."""
+    reference, *others = comb.serials
+    ribbons = tuple(CombRibbon(s, start_m) for s, start_m in zip(others, comb.layout_start_m, strict=True))
+    return Comb(reference, comb.pitch_m, ribbons).to_toml()
+
+
+def set_rate(url: str, rate_hz: int) -> None:
+    """Tells a device how often to scan."""
+    device = open_device(url)
+    try:
+        device.command(CommandCode.SET_RATE, rate_hz)
+    finally:
+        device.close()

@@ -1,0 +1,1 @@
+"""Host side of the sensor ribbon: from packets to curves and a surface."""

@@ -1,0 +1,1 @@
+"""Finds the errors of a ribbon's sensors from its RAW readings."""

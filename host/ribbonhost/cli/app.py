@@ -1,0 +1,85 @@
+"""The commands of `ribbonhost`. Nothing slow is imported before a command runs."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ribbonhost.cli import options, recording, ribbons
+
+
+def build_app() -> typer.Typer:
+    """The command line as typer wants it."""
+    app = typer.Typer(
+        name="ribbonhost",
+        help="Turns the packets of sensor ribbons into curves and a C1 surface, live.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # a coloured help would take twice as long to appear
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_ribbonhost)
+    app.command(epilog="Example: ribbonhost stream --emulate wing --seconds 10")(stream)
+    ribbons.register(app)
+    recording.register(app)
+    if find_spec("ribbonhost.bench") and find_spec("ribbonhost.bench.cli"):
+        from ribbonhost.bench.cli import app as bench
+
+        app.add_typer(bench, name="bench")
+    return app
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(version("ribbonhost"))
+        raise typer.Exit
+
+
+def _ribbonhost(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+def stream(
+    urls: options.UrlsArgument = None,
+    comb: options.CombOption = None,
+    emulate: options.EmulateOption = None,
+    ribbons: options.RibbonsOption = None,
+    seed: options.SeedOption = None,
+    rate: options.RateOption = None,
+    seconds: options.SecondsOption = None,
+    method: options.MethodOption = "spline",
+    baud: options.BaudOption = 921_600,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="Record all that is received.")
+    ] = None,
+    force: options.ForceOption = False,
+    rotate_mib: options.RotateMibOption = None,
+    rotate_s: options.RotateSOption = None,
+    json: options.JsonOption = False,
+) -> None:
+    """Show ribbons live: rates, losses, latency, and the error where it is known."""
+    from ribbonhost.cli.stream import RecordOptions, StreamOptions, run_stream
+
+    run_stream(
+        StreamOptions(
+            urls=tuple(urls or ()),
+            comb=comb,
+            emulate=emulate,
+            ribbons=ribbons,
+            seed=seed,
+            rate_hz=rate,
+            seconds=seconds,
+            method=method,
+            baud=baud,
+            json=json,
+            record=RecordOptions(record, force, rotate_mib, rotate_s),
+        )
+    )

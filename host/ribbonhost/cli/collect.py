@@ -1,0 +1,148 @@
+"""The frames of a recording as arrays, with a progress bar: what `export` and `validate` work on."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ribbonhost.errors import RecordingError, UsageError
+from ribbonhost.export.animation import Animation, surface_grid
+from ribbonhost.pipeline.replay import Replay
+from ribbonhost.pipeline.solving import Solved
+from ribbonhost.reconstruct.comb import Method
+from ribbonhost.record import Recording
+
+Progress = Callable[[float], None]
+"""Told which share, 0 to 1, is done."""
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Progress]:
+    """A bar on stderr if that is a terminal, else nothing."""
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bars
+
+    with Bars(console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(what, total=1.0)
+        yield lambda share: bars.update(bar, completed=share)
+
+
+class _Nearest:
+    """Passes on the frames that are nearest to an even clock, as they come; all if there is no clock."""
+
+    def __init__(self, rate_hz: float | None, keep: Callable[[float, Solved], None]) -> None:
+        self._rate_hz = rate_hz
+        self._keep = keep
+        self._first_s = 0.0
+        self._tick = 0
+        self._before: tuple[float, Solved] | None = None
+        self._kept_before = False
+
+    def add(self, t_s: float, solved: Solved) -> None:
+        if self._rate_hz is None:
+            self._keep(t_s, solved)
+            return
+        if self._before is None:
+            self._first_s = t_s
+        keeps = False
+        while t_s >= (due_s := self._first_s + self._tick / self._rate_hz):
+            self._tick += 1
+            if self._before and due_s - self._before[0] < t_s - due_s:
+                if not self._kept_before:
+                    self._keep(*self._before)
+                    self._kept_before = True
+            else:
+                keeps = True
+        if keeps:
+            self._keep(t_s, solved)
+        self._before, self._kept_before = (t_s, solved), keeps
+
+
+class _Frames:
+    """Frames of a comb, or of ribbons that belong to none: then one at each scan of the first."""
+
+    def __init__(self, ribbons: int, with_surface: bool) -> None:
+        self.t_s: list[float] = []
+        self.node_m: list[NDArray[np.float64]] = []
+        self.q_world_node: list[NDArray[np.float64]] = []
+        self.valid: list[NDArray[np.bool_]] = []
+        self.surface_m: list[NDArray[np.float32]] = []
+        self._with_surface = with_surface
+        self._latest: list[Solved | None] = [None] * ribbons
+
+    def see(self, solved: Solved) -> bool:
+        """Whether it makes a frame; if so `keep` may be called before the next."""
+        if solved.comb:
+            return True
+        self._latest[solved.places[0]] = solved
+        return solved.places[0] == 0 and all(self._latest)
+
+    def keep(self, t_s: float, solved: Solved) -> None:
+        parts = [solved] if solved.comb else [part for part in self._latest if part]
+        self.t_s.append(t_s)
+        self.node_m.append(np.concatenate([part.node_m for part in parts]))
+        self.q_world_node.append(np.concatenate([part.match.q_world_node for part in parts]))
+        self.valid.append(np.concatenate([part.match.valid for part in parts]))
+        if solved.comb and self._with_surface:
+            self.surface_m.append(surface_grid(solved.comb.vertices_m))
+
+
+def collect(
+    recordings: Sequence[Recording],
+    progress: Progress,
+    *,
+    method: Method | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    rate_hz: float | None = None,
+    with_surface: bool = True,
+) -> tuple[Animation, Replay]:
+    """Reconstructs a recording from start_s to end_s, seconds of the recording, as it was live.
+
+    Frames before 0, when not all ribbons delivered, are left out. rate_hz: keep the frames nearest to an even
+    clock. Also the replay that made them. Raises RecordingError if there is nothing, UsageError if nothing is
+    between the times or ribbons without a comb are not alike.
+    """
+    low_s = max(0.0, start_s or 0.0)
+    high_s = np.inf if end_s is None else end_s
+
+    def on_solved(solved: Solved) -> None:
+        t_s = solved.match.t_host_s - replay.t_zero_s
+        if frames.see(solved) and low_s <= t_s <= high_s:
+            nearest.add(t_s, solved)
+
+    replay = Replay(recordings, method=method, on_solved=on_solved)
+    places = replay.arrangement.places
+    if len({place.node_count for place in places if place.node_count}) > 1:
+        raise UsageError("ribbons of different lengths that make no comb do not fit into one file")
+    frames = _Frames(len(places), with_surface)
+    nearest = _Nearest(rate_hz, frames.keep)
+    for count, t_s in enumerate(replay.play()):
+        if t_s > high_s + 1.0:
+            break
+        if count % 500 == 0:
+            progress(sum(recording.share for recording in recordings) / len(recordings))
+    if not frames.t_s:
+        if low_s > 0 or end_s is not None:
+            raise UsageError(
+                f"no frame lies between {low_s:g} and {high_s:g} s: the recording ends at {replay.t_s:.1f} s"
+            )
+        raise RecordingError(f"{recordings[0].path} holds nothing that can be reconstructed")
+    t = np.array(frames.t_s)
+    surface = np.stack(frames.surface_m) if frames.surface_m else np.zeros((len(t), 0, 0, 3), np.float32)
+    return (
+        Animation(
+            t_s=t,
+            node_m=np.stack(frames.node_m),
+            q_world_node=np.stack(frames.q_world_node),
+            valid=np.stack(frames.valid),
+            names=tuple(place.label for place in places),
+            surface_m=surface,
+        ),
+        replay,
+    )

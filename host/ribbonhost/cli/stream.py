@@ -1,0 +1,251 @@
+"""`ribbonhost stream`: opens the ribbons, runs the pipeline, and shows what comes until told to stop."""
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from ribbonhost.cli import forget_stdout
+from ribbonhost.cli.emulation import Emulation, emulate
+from ribbonhost.cli.naming import resolve
+from ribbonhost.cli.output import JsonOutput, Output, TableOutput
+from ribbonhost.comb import Comb, load_comb
+from ribbonhost.device import Device, open_device
+from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
+from ribbonhost.link import ports_seen
+from ribbonhost.pipeline.arrangement import arrange_comb, arrange_curves
+from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.stream import Stream
+from ribbonhost.reconstruct.comb import METHODS, Method, is_method
+from ribbonhost.record import Recorder
+
+RATE_HZ = 100
+RIBBONS = 5
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """Where a recording goes; None where nothing was typed."""
+
+    path: Path | None = None
+    force: bool = False
+    rotate_mib: float | None = None
+    rotate_s: float | None = None
+
+
+@dataclass(frozen=True)
+class StreamOptions:
+    """What was typed; None where nothing was."""
+
+    urls: tuple[str, ...]
+    comb: Path | None
+    emulate: str | None
+    ribbons: int | None
+    seed: int | None
+    rate_hz: int | None
+    seconds: float | None
+    method: str
+    baud: int
+    json: bool
+    record: RecordOptions = RecordOptions()
+
+
+def run_stream(options: StreamOptions) -> None:
+    """Streams until the time is up, Ctrl-C, no ribbon is left, or nobody reads what is printed.
+
+    Raises RibbonError if it cannot begin or ended because nothing more can come.
+    """
+    comb, method = _checked(options)
+    output: Output = JsonOutput() if options.json else TableOutput()
+    try:
+        _stream(options, comb, method, output)
+    except BrokenPipeError:
+        forget_stdout()
+
+
+def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: Output) -> None:
+    with ExitStack() as stack:
+        stop = stack.enter_context(stop_on_signals())
+        emulation: Emulation | None = None
+        urls: Sequence[str] = resolve(options.urls, baud=options.baud, comb=comb)
+        if options.emulate is not None:
+            emulation = stack.enter_context(
+                emulate(options.emulate, ribbons=options.ribbons or RIBBONS, seed=options.seed or 0)
+            )
+            comb, urls = emulation.comb, emulation.urls
+        recorder: Recorder | None = None
+
+        def on_event(label: str, what: str) -> None:
+            output.event(label, what)
+            if recorder and label != "recording":
+                recorder.event(label, what)
+
+        if options.record.path:
+            recorder = _recorder(options.record, options.record.path, on_event)
+        devices, channels = _open(urls, options.baud, output, recorder)
+        if recorder:
+            stack.callback(recorder.close)
+        for device in devices:
+            stack.callback(device.close)
+        arrangement = arrange_comb(devices, comb) if comb else arrange_curves(devices)
+        for note in arrangement.notes:
+            output.note(note)
+        for device in arrangement.unused:
+            device.close()
+        rate_hz = _rate(options.rate_hz, arrangement.devices, output)
+        stream = Stream(
+            arrangement,
+            rate_hz=rate_hz,
+            method=method,
+            truth=emulation.truth_m if emulation else None,
+            on_event=on_event,
+        )
+        if recorder:
+            recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=rate_hz, method=method))
+        _run(stream, options.seconds, stop, output, recorder)
+        if recorder:
+            recorder.close()
+            output.recorded(recorder)
+
+
+def _run(
+    stream: Stream,
+    seconds: float | None,
+    stop: threading.Event,
+    output: Output,
+    recorder: Recorder | None,
+) -> None:
+    with ExitStack() as stack:
+        stack.callback(stream.close)
+        stream.start(stop)
+        if recorder:
+            recorder.count_from_here()
+        stack.enter_context(output)
+        due_s = time.monotonic()
+        end_s = due_s + seconds if seconds else float("inf")
+        while True:
+            due_s = min(due_s + output.interval_s, end_s)
+            stop.wait(max(0.0, due_s - time.monotonic()))
+            report = stream.report()
+            output.report(report)
+            if stop.is_set() or stream.over or time.monotonic() >= end_s:
+                break
+    output.summary(report)
+    if stream.over and not stop.is_set():
+        raise RibbonError(stream.over)
+
+
+def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
+    """The comb that the file describes and the method, after checking that the options go together."""
+    if options.seconds is not None and not math.isfinite(options.seconds):
+        raise UsageError(f"--seconds {options.seconds} is no duration")
+    method = options.method
+    if not is_method(method):
+        raise UsageError(f"--method {method} is not one of {', '.join(METHODS)}")
+    if options.record.path is None and options.record != RecordOptions():
+        raise UsageError("--force, --rotate-mib and --rotate-s are for a recording: give --record FILE.mcap")
+    if options.emulate is not None:
+        if options.urls or options.comb:
+            raise UsageError("--emulate brings its own ribbons and comb: give it without ports and --comb")
+        return None, method
+    for name, value in (("--ribbons", options.ribbons), ("--seed", options.seed)):
+        if value is not None:
+            raise UsageError(f"{name} is for --emulate only")
+    if not options.urls:
+        seen = ports_seen()
+        raise UsageError(
+            "no ribbon was named. "
+            + (f"Serial ports here: {', '.join(seen)}. " if seen else "No serial port was found. ")
+            + "Type `ribbonhost stream PORT` for a ribbon, name the others and --comb FILE for a surface, "
+            "or `ribbonhost stream --emulate wing` for an emulated comb"
+        )
+    for url in options.urls:
+        if options.urls.count(url) > 1:
+            raise UsageError(f"{url} is given twice")
+    return load_comb(options.comb) if options.comb else None, method
+
+
+def _recorder(options: RecordOptions, path: Path, on_event: Callable[[str, str], None]) -> Recorder:
+    """Raises UsageError for a file that is there already or cannot be."""
+    return Recorder(
+        path,
+        force=options.force,
+        rotate_bytes=None if options.rotate_mib is None else round(options.rotate_mib * (1 << 20)),
+        rotate_s=options.rotate_s,
+        on_event=on_event,
+    )
+
+
+def _open(
+    urls: Sequence[str], baud: int, output: Output, recorder: Recorder | None
+) -> tuple[list[Device], dict[Device, int]]:
+    """Opens all ports at once; also the number of each device in a recording.
+
+    One that fails is noted and left out; raises RibbonError if all fail.
+    """
+    devices, failures = [], []
+    channels: dict[Device, int] = {}
+    with ThreadPoolExecutor(len(urls)) as pool:
+        taps = [recorder.tap() if recorder else None for _ in urls]
+        attempts = [
+            pool.submit(open_device, url, baud=baud, observer=tap)
+            for url, tap in zip(urls, taps, strict=True)
+        ]
+    for channel, attempt in enumerate(attempts):
+        error = attempt.exception()
+        if error is None:
+            devices.append(attempt.result())
+            channels[devices[-1]] = channel
+        elif isinstance(error, DeviceError | LinkError) and len(urls) > 1:
+            failures.append(error)
+            output.note(str(error))
+        else:
+            for device in devices:
+                device.close()
+            raise error
+    if not devices:
+        raise RibbonError(f"none of the {len(failures)} ports has a ribbon")
+    for device in devices:
+        if not device.same_schema and device.info:
+            output.note(
+                f"{device.name} speaks wire version {device.info.wire_version} with another schema: "
+                "what this ribbonhost does not know is skipped and counted"
+            )
+    return devices, channels
+
+
+def _rate(wanted_hz: int | None, devices: Sequence[Device], output: Output) -> int:
+    slowest = min(devices, key=lambda device: device.info.rate_max_hz if device.info else 0)
+    assert slowest.info is not None  # a device that was opened has answered
+    limit_hz = slowest.info.rate_max_hz
+    if wanted_hz is None:
+        if limit_hz < RATE_HZ:
+            output.note(f"{slowest.name} scans at most {limit_hz} times a second: all do")
+        return min(RATE_HZ, limit_hz)
+    if wanted_hz > limit_hz:
+        raise UsageError(f"--rate {wanted_hz}: {slowest.name} scans at most {limit_hz} times a second")
+    return wanted_hz
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or a termination sets; a second Ctrl-C interrupts at once."""
+    stop = threading.Event()
+
+    def ask_to_stop(number: int, frame: FrameType | None) -> None:
+        if stop.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, ask_to_stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

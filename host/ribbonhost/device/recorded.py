@@ -1,0 +1,55 @@
+"""A device of which only a recording is there: used by the same code as one on a link."""
+
+import threading
+from collections.abc import Callable
+
+from ribbonhost import wire
+from ribbonhost.device.device import Device, _Pending
+from ribbonhost.errors import LinkLostError
+from ribbonhost.link import Link
+
+
+class _NoPort:
+    """A port that nobody reads or writes."""
+
+    in_waiting = 0
+
+    def read(self, size: int = 1, /) -> bytes:
+        raise EOFError("a recording has no port")
+
+    def write(self, data: bytes, /) -> int:
+        raise OSError("a recording takes no bytes")
+
+    def close(self) -> None:
+        pass
+
+
+class _NoLink(Link):
+    def start(
+        self, on_bytes: Callable[[bytes, float], None], on_lost: Callable[[LinkLostError], None] | None = None
+    ) -> None:
+        pass
+
+
+class RecordedDevice(Device):
+    """Takes what an Observer was told, in the same order, in one thread; says what the device said."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(_NoLink(_NoPort(), name))
+
+    def send_again(self, packet: bytes) -> None:
+        """What the host sent to it then. Raises WireError for a packet that is none."""
+        message, _ = wire.decode(packet)
+        self._expect_answer(message)
+        if isinstance(message, wire.Command):
+            self._pending.setdefault(message.tag, _Pending(threading.Event(), message.command))
+
+    def spoil(self, crc_errors: int, malformed: int) -> None:
+        """How many frames were no packets until then."""
+        self._deframer.crc_errors, self._deframer.malformed = crc_errors, malformed
+
+    def lose(self, why: str) -> None:
+        """Its link was gone from then on."""
+        self.link.lost = LinkLostError(why)
+        if self.on_lost:
+            self.on_lost(self.link.lost)

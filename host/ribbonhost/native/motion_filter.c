@@ -1,0 +1,355 @@
+/* One scan corrects a predicted state: iterated Kalman update in information form, outliers down-weighted. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "motion_internal.h"
+
+enum { STRIDE = RIBBON_MOTION_STATE_MAX, BLOCK = RIBBON_MOTION_BLOCK_MAX };
+
+/* Squared Mahalanobis norm beyond which a sensor is an outlier: one in a million of three Gaussian values. */
+#define GATE 30.0
+/* Innovations below this many sigmas in every case pass without a covariance being worked out. */
+#define CLEARLY_INSIDE 9.0
+/* Linearise again while the estimate turns or bends by more than this from where it was linearised. */
+#define RELINEARISE_RAD 0.02
+#define ITERATIONS      4
+
+size_t ribbon_motion_work_bytes(void) {
+    return sizeof(struct ribbon_motion_work);
+}
+
+static bool usable_force(const struct ribbon_motion_sample *sample, size_t k) {
+    const double *f = sample->force_mps2[k];
+    return sample->force_valid[k] && isfinite(f[0] + f[1] + f[2]);
+}
+
+static bool usable_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                         size_t k) {
+    const double *b = sample->field_ut[k];
+    return sample->field_valid[k] && isfinite(b[0] + b[1] + (model->params.field_axes == 3 ? b[2] : 0.0));
+}
+
+/* The sums that all sensors add to. */
+struct sums {
+    double *force, *field; /* right sides, of the accelerometers and of the magnetometers */
+    double weighted_square, weighted_square_field; /* of their innovations */
+    double values, values_field;                   /* degrees of freedom of those that are no outliers */
+    double force_sigma, field_sigma;
+    struct ribbon_motion_fit fit;
+};
+
+/* A sample taken at the wrong instant is off by as much as the force changes until then; as it is off along
+ * one direction only, a third of the square falls on each axis. */
+static double force_sigma(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                          size_t k, const struct sums *sums) {
+    double change = sample->force_change_mps3[k];
+    return hypot(sums->force_sigma, isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
+}
+
+/* Squared norm of the innovation e of a sensor in units of its covariance J P transpose(J) + sigma^2. */
+static double mahalanobis(size_t axes, size_t columns, double rows[3][STRIDE], const double e[3],
+                          double variance, const motion_matrix p) {
+    double s[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+    for (size_t a = 0; a < axes; a++) {
+        double pj[STRIDE];
+        memset(pj, 0, sizeof pj);
+        for (size_t i = 0; i < columns; i++)
+            for (size_t j = 0; j < columns; j++)
+                pj[j] += rows[a][i] * p[i][j];
+        for (size_t b = 0; b < axes; b++) {
+            s[a][b] = a == b ? variance : 0.0;
+            for (size_t j = 0; j < columns; j++)
+                s[a][b] += rows[b][j] * pj[j];
+        }
+    }
+    return motion_quadratic(s, e);
+}
+
+/* normal += weight * transpose(rows) rows, upper triangle. */
+static void add_normal(size_t axes, size_t columns, double rows[3][STRIDE], double weight,
+                       motion_matrix normal) {
+    for (size_t i = 0; i < columns; i++) {
+        double a = weight * rows[0][i], b = weight * rows[1][i], c = axes > 2 ? weight * rows[2][i] : 0.0;
+        const double *restrict x = rows[0], *restrict y = rows[1], *restrict z = rows[2];
+        double *restrict o = normal[i];
+        if (axes > 2)
+            for (size_t j = i; j < columns; j++)
+                o[j] += a * x[j] + b * y[j] + c * z[j];
+        else
+            for (size_t j = i; j < columns; j++)
+                o[j] += a * x[j] + b * y[j];
+    }
+}
+
+/* Adds a sensor: `residual` at the place of linearisation, which lies `offset` from the prediction. Returns
+ * whether it is an inlier. */
+static bool add_sensor(size_t axes, size_t columns, double sigma, const double residual[3],
+                       const double *offset, const motion_matrix predicted, struct ribbon_motion_work *work,
+                       motion_matrix normal, double *rhs, double *weighted_square) {
+    double e[3] = {0.0, 0.0, 0.0};
+    double variance = sigma * sigma, weight = 1.0 / variance;
+    for (size_t a = 0; a < axes; a++) {
+        e[a] = residual[a];
+        for (size_t j = 0; j < columns; j++)
+            e[a] += work->rows[a][j] * offset[j];
+    }
+    double square = dot(e, e);
+    bool inlier = true;
+    if (square > CLEARLY_INSIDE * (double)axes * variance) {
+        double distance = mahalanobis(axes, columns, work->rows, e, variance, predicted);
+        inlier = distance <= GATE;
+        /* The further off, the less it pulls. */
+        if (!inlier)
+            weight *= (GATE / distance) * (GATE / distance);
+    }
+    *weighted_square += weight * square;
+    for (size_t a = 0; a < axes; a++)
+        for (size_t j = 0; j < columns; j++)
+            rhs[j] += weight * e[a] * work->rows[a][j];
+    add_normal(axes, columns, work->rows, weight, normal);
+    return inlier;
+}
+
+/* Specific force, seen from the anchor: that of the anchor and the acceleration of the shape. */
+static void add_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                      const struct ribbon_motion_state *at, size_t k, const double *offset,
+                      const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+    size_t nb = model->block, slot = 2 * k, last = model->states - 3;
+    const struct motion_shape *shape = &work->shape;
+    double v[3], measured[3], residual[3];
+    rotate(shape->rotation[slot], sample->force_mps2[k], measured);
+    for (size_t d = 0; d < 3; d++) {
+        v[d] = shape->acceleration[slot][d] + at->x[last + d];
+        residual[d] = measured[d] - v[d];
+        memcpy(work->rows[d], work->pull[d], 3 * nb * sizeof(double));
+        memset(work->rows[d] + 3 * nb, 0, 9 * sizeof(double));
+        work->rows[d][last + d] = 1.0;
+    }
+    /* Turning the node turns the measured vector the other way: + v x turn. */
+    for (size_t j = 3; j < nb; j++) {
+        double t[3] = {shape->turn[slot][0][j], shape->turn[slot][1][j], shape->turn[slot][2][j]}, c[3];
+        cross(v, t, c);
+        for (size_t d = 0; d < 3; d++)
+            work->rows[d][j] += c[d];
+    }
+    sums->fit.forces++;
+    if (add_sensor(3, model->states, force_sigma(model, sample, k, sums), residual, offset, predicted, work,
+                   work->matrix[1], sums->force, &sums->weighted_square))
+        sums->values += 3.0;
+    else
+        sums->fit.force_outliers++;
+}
+
+static void add_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                      const struct ribbon_motion_state *at, size_t k, const double *offset,
+                      const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+    size_t nb = model->block, slot = 2 * k + 1, axes = (size_t)model->params.field_axes;
+    const double *rotation = work->shape.rotation[slot];
+    double field[3], expected[3], residual[3] = {0.0, 0.0, 0.0};
+    rotate_back(at->root, model->params.field_ut, field);
+    rotate_back(rotation, field, expected);
+    /* The node turns on until the magnetometer samples. */
+    double turned[3], later[3];
+    rotate_back(rotation, work->shape.rate[slot], turned);
+    cross(expected, turned, later);
+    for (size_t a = 0; a < axes; a++) {
+        /* Row of transpose(rotation) [field]x. */
+        double column[3] = {rotation[a], rotation[3 + a], rotation[6 + a]}, m[3];
+        cross(column, field, m);
+        residual[a] = sample->field_ut[k][a] - expected[a] - model->params.field_later_s * later[a];
+        rotate(at->root, m, work->rows[a]);
+        for (size_t j = 3; j < nb; j++)
+            work->rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
+                               m[2] * work->shape.turn[slot][2][j];
+    }
+    sums->fit.fields++;
+    if (add_sensor(axes, nb, sums->field_sigma, residual, offset, predicted, work, work->matrix[3],
+                   sums->field, &sums->weighted_square_field))
+        sums->values_field += (double)axes;
+    else
+        sums->fit.field_outliers++;
+}
+
+/* The derivative of the acceleration from slot i to the next. */
+static void integrate_pull(const struct ribbon_motion_model *model, size_t i,
+                           struct ribbon_motion_work *work) {
+    double weight[4];
+    size_t first = motion_quadrature(model->slots, i, weight), columns = 3 * model->block;
+    for (int d = 0; d < 3; d++) {
+        double *restrict o = work->pull[d];
+        const double *a = work->shape.change[first][d], *b = work->shape.change[first + 1][d];
+        const double *c = work->shape.change[first + 2][d], *e = work->shape.change[first + 3][d];
+        double h = model->params.pitch_m;
+        double wa = h * weight[0], wb = h * weight[1], wc = h * weight[2], we = h * weight[3];
+        for (size_t j = 0; j < columns; j++)
+            o[j] += wa * a[j] + wb * b[j] + wc * c[j] + we * e[j];
+    }
+}
+
+/* Normal equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
+static void add_sensors(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                        const struct ribbon_motion_state *at, const double *offset,
+                        const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+    motion_shape(model, at, true, &work->shape);
+    memset(work->pull, 0, sizeof work->pull);
+    for (size_t k = 0; k < model->params.nodes; k++) {
+        if (usable_force(sample, k))
+            add_force(model, sample, at, k, offset, predicted, work, sums);
+        integrate_pull(model, 2 * k, work);
+        if (usable_field(model, sample, k))
+            add_field(model, sample, at, k, offset, predicted, work, sums);
+        if (k + 1 < model->params.nodes)
+            integrate_pull(model, 2 * k + 1, work);
+    }
+}
+
+/* Largest turn or bend of the first block between two errors. */
+static double moved(const struct ribbon_motion_model *model, const double *a, const double *b) {
+    double length = model->params.pitch_m * (double)(model->slots - 1), most = 0.0;
+    for (size_t i = 0; i < model->block; i++)
+        most = fmax(most, fabs(a[i] - b[i]) * (i < 3 ? 1.0 : length / (double)(model->modes / 2)));
+    return most;
+}
+
+static int ascending(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Value below which a share of `count` values lies, 1 if there is none. Sorts them. */
+static double quantile(double *values, size_t count, double share) {
+    if (count == 0)
+        return 1.0;
+    qsort(values, count, sizeof values[0], ascending);
+    return values[(size_t)((double)count * share)];
+}
+
+/* Median of chi squared with 3 degrees of freedom, lower quartiles with 2 and 3. */
+#define MEDIAN_3   2.366
+#define QUARTILE_2 0.575
+#define QUARTILE_3 1.213
+
+/* Quantiles over the sensors of a kind of the squared residual, in units of the one expected: outliers have
+ * no say. Of the magnetometers half and more may be beside one magnet. */
+static void typical_residuals(const struct ribbon_motion_model *model,
+                              const struct ribbon_motion_sample *sample,
+                              const struct ribbon_motion_state *state, const struct sums *sums,
+                              struct motion_shape *shape, struct ribbon_motion_fit *fit) {
+    double forces[RIBBON_MOTION_NODE_MAX], fields[RIBBON_MOTION_NODE_MAX], residual[3], field[3];
+    size_t force_count = 0, field_count = 0, axes = (size_t)model->params.field_axes;
+    motion_shape(model, state, false, shape);
+    rotate_back(state->root, model->params.field_ut, field);
+    for (size_t k = 0; k < model->params.nodes; k++) {
+        if (usable_force(sample, k)) {
+            rotate(shape->rotation[2 * k], sample->force_mps2[k], residual);
+            for (size_t d = 0; d < 3; d++)
+                residual[d] -= shape->acceleration[2 * k][d] + state->x[model->states - 3 + d];
+            double sigma = force_sigma(model, sample, k, sums);
+            forces[force_count++] = dot(residual, residual) / (MEDIAN_3 * sigma * sigma);
+        }
+        if (usable_field(model, sample, k)) {
+            const double *rotation = shape->rotation[2 * k + 1];
+            double turned[3], later[3], square = 0.0;
+            rotate_back(rotation, field, residual);
+            rotate_back(rotation, shape->rate[2 * k + 1], turned);
+            cross(residual, turned, later);
+            for (size_t a = 0; a < axes; a++) {
+                double e = sample->field_ut[k][a] - residual[a] - model->params.field_later_s * later[a];
+                square += e * e;
+            }
+            fields[field_count++] =
+                square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * sums->field_sigma * sums->field_sigma);
+        }
+    }
+    fit->force_residual = quantile(forces, force_count, 0.5);
+    fit->field_residual = quantile(fields, field_count, 0.25);
+}
+
+/* Innovation and residuals a degree of freedom. With the information L before, the covariance P after and the
+ * correction x, the accelerometers' part in the normalised innovation is their squares less b x, b their part
+ * of the right side. The sensors take n - trace(L P) degrees of freedom for the correction, the magnetometers
+ * of these trace(N P), N their normal matrix; what they have beside is left for the residuals. */
+static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                      const struct ribbon_motion_state *state, const motion_matrix information,
+                      const double *x, const struct sums *sums, struct ribbon_motion_work *work,
+                      struct ribbon_motion_fit *fit) {
+    double explained = 0.0, explained_field = 0.0, prior = 0.0, fields = 0.0;
+    size_t n = model->states, nb = model->block;
+    for (size_t i = 0; i < n; i++) {
+        explained += sums->force[i] * x[i];
+        explained_field += (sums->field[i] - sums->force[i]) * x[i];
+        for (size_t j = 0; j < n; j++)
+            prior += information[i][j] * work->matrix[1][i][j];
+    }
+    for (size_t i = 0; i < nb; i++)
+        for (size_t j = i; j < nb; j++)
+            fields += (i == j ? 1.0 : 2.0) * work->matrix[3][i][j] * work->matrix[1][i][j];
+    *fit = sums->fit;
+    double force_freedom = sums->values - ((double)n - prior - fields);
+    /* Overlapping readings are given more noise than each has: that much smaller are the squares expected. */
+    double share = sums->values > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / sums->values)) : 0.0;
+    double expected = 1.0 - (1.0 - 1.0 / model->params.force_overlap) * share;
+    fit->force_innovation =
+        sums->values > 0.0 ? (sums->weighted_square - explained) / (sums->values * expected) : 1.0;
+    fit->field_innovation =
+        sums->values_field > 0.0 ? (sums->weighted_square_field - explained_field) / sums->values_field : 1.0;
+    double field_freedom = sums->values_field - fields;
+    typical_residuals(model, sample, state, sums, &work->shape, fit);
+    /* With hardly any freedom left there is nothing to learn from the residual. */
+    fit->force_residual = force_freedom > 0.2 * sums->values
+                              ? fit->force_residual * sums->values / (force_freedom * expected)
+                              : 1.0;
+    fit->field_residual = field_freedom > 0.2 * sums->values_field
+                              ? fit->field_residual * sums->values_field / field_freedom
+                              : 1.0;
+}
+
+int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                          const struct ribbon_motion_state *around, const struct ribbon_motion_scales *scales,
+                          struct ribbon_motion_step *step, struct ribbon_motion_fit *fit,
+                          struct ribbon_motion_work *work) {
+    size_t n = model->states;
+    double *force = work->vector[0], *field = work->vector[3], *offset = work->vector[1],
+           *correction = work->vector[2];
+    struct ribbon_motion_state at = around ? *around : step->predicted;
+    memcpy(work->matrix[0], step->covariance, sizeof(motion_matrix));
+    memcpy(step->information, step->covariance, sizeof(motion_matrix));
+    step->state = step->predicted;
+    memset(fit, 0, sizeof *fit);
+    if (!motion_invert(n, step->information, work->matrix[2]))
+        return RIBBON_MOTION_ERROR_NOT_FINITE;
+    int iterations = around ? 1 : ITERATIONS;
+    for (int iteration = 0; iteration < iterations; iteration++) {
+        struct sums sums = {.force = force,
+                            .field = field,
+                            .force_sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
+                                                     model->params.accel_sigma_mps2,
+                                                 scales->slack_mps2),
+                            .field_sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut};
+        motion_subtract(model, &at, &step->predicted, offset);
+        memset(force, 0, n * sizeof(double));
+        memset(field, 0, n * sizeof(double));
+        memset(work->matrix[1], 0, sizeof(motion_matrix));
+        memset(work->matrix[3], 0, sizeof(motion_matrix));
+        add_sensors(model, sample, &at, offset, work->matrix[0], work, &sums);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = i; j < n; j++)
+                work->matrix[1][i][j] += work->matrix[3][i][j] + step->information[i][j];
+        if (!motion_invert(n, work->matrix[1], work->matrix[2])) {
+            memcpy(step->covariance, work->matrix[0], sizeof(motion_matrix));
+            return RIBBON_MOTION_ERROR_NOT_FINITE;
+        }
+        for (size_t i = 0; i < n; i++)
+            field[i] += force[i];
+        motion_apply(n, work->matrix[1], field, correction);
+        motion_add(model, &step->predicted, correction, &at);
+        bool last = iteration + 1 == iterations || moved(model, correction, offset) < RELINEARISE_RAD;
+        if (last) {
+            judge_fit(model, sample, &at, step->information, correction, &sums, work, fit);
+            break;
+        }
+    }
+    step->state = at;
+    memcpy(step->covariance, work->matrix[1], sizeof(motion_matrix));
+    return 0;
+}

@@ -1,0 +1,129 @@
+/* Small arithmetic and the interface between the files of the motion estimator. */
+#ifndef MOTION_INTERNAL_H
+#define MOTION_INTERNAL_H
+
+#include <math.h>
+#include <stdbool.h>
+
+#include "ribbon_motion.h"
+
+static inline void cross(const double a[3], const double b[3], double out[3]) {
+    double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+    out[0] = x;
+    out[1] = y;
+    out[2] = z;
+}
+
+static inline double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* out = m v, row-major. */
+static inline void rotate(const double m[9], const double v[3], double out[3]) {
+    for (int i = 0; i < 3; i++)
+        out[i] = m[3 * i] * v[0] + m[3 * i + 1] * v[1] + m[3 * i + 2] * v[2];
+}
+
+/* out = transpose(m) v. */
+static inline void rotate_back(const double m[9], const double v[3], double out[3]) {
+    for (int i = 0; i < 3; i++)
+        out[i] = m[i] * v[0] + m[3 + i] * v[1] + m[6 + i] * v[2];
+}
+
+/* out = a b; out must not overlap. */
+static inline void multiply3(const double a[9], const double b[9], double out[9]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+/* Rotation by the vector v (angle times axis). */
+void motion_exp(const double v[3], double out[9]);
+/* The rotation vector of m, angle at most pi. */
+void motion_log(const double m[9], double out[3]);
+/* root = exp(v) root, made orthonormal again. */
+void motion_turn(double root[9], const double v[3]);
+void motion_to_quaternion(const double m[9], double q[4]);
+void motion_from_quaternion(const double q[4], double m[9]);
+
+/* The shape of a state at every slot, seen from the frame of the anchor: orientation there is the identity
+ * and does not matter. Columns of derivatives are those of the first three blocks; those of the anchor's
+ * rotation are zero. */
+struct motion_shape {
+    double rotation[RIBBON_MOTION_SLOT_MAX][9];
+    double rate[RIBBON_MOTION_SLOT_MAX][3];           /* angular */
+    double angular[RIBBON_MOTION_SLOT_MAX][3];        /* angular acceleration */
+    double tangent_change[RIBBON_MOTION_SLOT_MAX][3]; /* second time derivative of the tangent */
+    double acceleration[RIBBON_MOTION_SLOT_MAX][3];   /* relative to the anchor */
+    /* Derivatives: of the rotation vector by the first block, of the acceleration by all three. */
+    double turn[RIBBON_MOTION_SLOT_MAX][3][RIBBON_MOTION_BLOCK_MAX];
+    double change[RIBBON_MOTION_SLOT_MAX][3][3 * RIBBON_MOTION_BLOCK_MAX];
+};
+
+/* Four-point integral (fourth order) over the segment after slot i: first of the slots and their weights in
+ * units of the pitch. */
+size_t motion_quadrature(size_t slots, size_t i, double weight[4]);
+
+void motion_shape(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
+                  bool derivatives, struct motion_shape *shape);
+
+typedef double motion_matrix[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX];
+
+/* Symmetric positive definite a (n, n), of which the upper triangle is read, becomes its inverse. False, with
+ * a undefined, if it is not positive definite. */
+bool motion_invert(size_t n, motion_matrix a, motion_matrix workspace);
+/* out = a b for (n, n); out must not overlap. */
+void motion_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
+/* e inverse(s) e, s symmetric. */
+double motion_quadratic(double s[3][3], const double e[3]);
+/* The same where the result is known to be symmetric. */
+void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
+/* out = a v for (n, n). */
+void motion_apply(size_t n, const motion_matrix a, const double *v, double *out);
+
+/* to = from + d in the order of the error; `to` may be `from`. */
+void motion_add(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
+                const double *d, struct ribbon_motion_state *to);
+/* d with motion_add(from, d) = to. */
+void motion_subtract(const struct ribbon_motion_model *model, const struct ribbon_motion_state *to,
+                     const struct ribbon_motion_state *from, double *d);
+
+/* The linear step of the error between two states. */
+struct motion_transition {
+    const struct ribbon_motion_state *before, *after;
+    double dt_s;
+    double turn[9];      /* of the anchor, in its own frame */
+    double middle[9];    /* orientation at the anchor halfway */
+    double shape[3][3];  /* of rotation, twist and bending with their derivatives, one coordinate */
+    double anchor[3][3]; /* of the anchor's position, velocity and acceleration, one axis */
+};
+/* Of `after` only the time must be filled. */
+void motion_transition(const struct ribbon_motion_model *model, const struct ribbon_motion_state *before,
+                       const struct ribbon_motion_state *after, struct motion_transition *transition);
+/* Error of the specific force at the anchor in its frame, from that of its acceleration in the world. */
+void motion_to_body(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
+                    double *v);
+/* v = transpose(F) v, F the step of the error. */
+void motion_backward(const struct ribbon_motion_model *model, const struct motion_transition *f, double *v);
+/* p = F p transpose(F): F the process with the anchor's acceleration in the world, or motion_to_body at the
+ * state after it. */
+void motion_both_sides(const struct ribbon_motion_model *model, const struct motion_transition *f,
+                       bool process, motion_matrix p);
+/* The anchor's acceleration in the world, of a state and into a state. */
+void motion_anchor_acceleration(const struct ribbon_motion_model *model,
+                                const struct ribbon_motion_state *state, double out[3]);
+/* Its variance, the sum of the three axes. */
+double motion_anchor_variance(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step);
+void motion_set_anchor(const struct ribbon_motion_model *model, const double acceleration[3],
+                       struct ribbon_motion_state *state);
+
+struct ribbon_motion_work {
+    struct motion_shape shape;
+    motion_matrix matrix[4];
+    double rows[3][RIBBON_MOTION_STATE_MAX];
+    double pull[3]
+               [3 * RIBBON_MOTION_BLOCK_MAX]; /* derivative of the acceleration, running along the ribbon */
+    double vector[4][RIBBON_MOTION_STATE_MAX];
+};
+
+#endif

@@ -1,0 +1,1 @@
+"""From devices to a moving surface: the one room that knows devices and reconstruction."""

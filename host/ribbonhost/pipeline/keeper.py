@@ -1,0 +1,143 @@
+"""Keeps the devices of a stream in order: set up, clocks known, scans aligned, set up again after a reset."""
+
+import random
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from ribbonhost import wire
+from ribbonhost.device import Device
+from ribbonhost.errors import DeviceError, LinkError
+from ribbonhost.pipeline.phase import DRIFTED_S, ScanAligner
+
+SYNC_PINGS = 20
+SYNC_S = 2.0
+PING_S = 0.25
+FAST_PING_S = 0.02
+ALIGN_S = 1.0
+TICK_S = 0.02
+
+
+class Keeper:
+    """Talks to the devices of a stream, on a thread of its own once started.
+
+    Attributes:
+        aligner: makes the scans start together.
+    """
+
+    def __init__(
+        self, devices: Sequence[Device], rate_hz: int, on_event: Callable[[Device, str], None]
+    ) -> None:
+        """`on_event` is told, in any thread, what happened to which device."""
+        self.aligner = ScanAligner(rate_hz)
+        self._tell = on_event
+        self._devices = list(devices)
+        self._rate_hz = rate_hz
+        self._restarts: dict[Device, int] = {}
+        self._ping_due_s = dict.fromkeys(devices, 0.0)
+        self._mute: set[Device] = set()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
+
+    def prepare(self) -> dict[Device, DeviceError | LinkError]:
+        """Makes all devices scan at the rate, quietly and together; returns those that cannot, and why."""
+        failed: dict[Device, DeviceError | LinkError] = {}
+
+        def for_all(act: Callable[[Device], object]) -> None:
+            for device in self._devices:
+                if device not in failed:
+                    try:
+                        act(device)
+                    except (DeviceError, LinkError) as error:
+                        failed[device] = error
+
+        for_all(lambda device: device.command(wire.CommandCode.SET_MODE, 0))
+        for_all(lambda device: device.command(wire.CommandCode.SET_RATE, self._rate_hz))
+        for_all(lambda device: device.command(wire.CommandCode.GET_STATUS))
+        for _ in range(SYNC_PINGS):
+            for_all(lambda device: device.ping())
+            time.sleep(FAST_PING_S)
+        deadline_s = time.monotonic() + SYNC_S
+        while not all(d.clock.synced or d in failed for d in self._devices) and time.monotonic() < deadline_s:
+            for_all(lambda device: None if device.clock.synced else device.ping())
+            time.sleep(FAST_PING_S)
+        for_all(_require_sync)
+        self._devices = [device for device in self._devices if device not in failed]
+        self._restarts = {device: device.clock.restarts for device in self._devices}
+        self._align()
+        return failed
+
+    def start(self) -> dict[Device, DeviceError | LinkError]:
+        """Lets the prepared devices send and keeps them in order from now on; returns those that refuse."""
+        failed: dict[Device, DeviceError | LinkError] = {}
+        for device in self._devices:
+            try:
+                device.command(wire.CommandCode.SET_MODE, wire.Mode.ORIENT)
+            except (DeviceError, LinkError) as error:
+                failed[device] = error
+        self._devices = [device for device in self._devices if device not in failed]
+        self._thread.start()
+        return failed
+
+    def stop(self) -> None:
+        """Ends the thread and quiets the devices that still listen."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for device in self._devices:
+            try:
+                if not device.lost:
+                    device.command(wire.CommandCode.SET_MODE, 0, timeout_s=0.5)
+            except (DeviceError, LinkError) as error:
+                self._tell(device, f"was not quieted: {error}")
+
+    def _run(self) -> None:
+        align_due_s = time.monotonic() + ALIGN_S
+        while not self._stopping.wait(TICK_S):
+            now_s = time.monotonic()
+            for device in self._devices:
+                if device.lost:
+                    continue
+                if now_s >= self._ping_due_s[device]:
+                    self._ping(device, now_s)
+                if device.clock.synced and device.clock.restarts != self._restarts[device]:
+                    self._set_up_again(device)
+            if now_s >= align_due_s:
+                align_due_s = now_s + ALIGN_S
+                if self.aligner.spread_s(self._devices, now_s) > DRIFTED_S:
+                    self._align()
+
+    def _ping(self, device: Device, now_s: float) -> None:
+        # Not in step with the scans, so that some pings find the device idle.
+        wait_s = PING_S * random.uniform(0.5, 1.5) if device.clock.synced else FAST_PING_S
+        self._ping_due_s[device] = now_s + wait_s
+        try:
+            device.ping()
+        except LinkError as error:
+            if device not in self._mute:
+                self._mute.add(device)
+                self._tell(device, str(error))
+        else:
+            self._mute.discard(device)
+
+    def _set_up_again(self, device: Device) -> None:
+        self._restarts[device] = device.clock.restarts
+        self.aligner.free_running.pop(device, None)
+        try:
+            device.command(wire.CommandCode.SET_RATE, self._rate_hz)
+            device.command(wire.CommandCode.SET_MODE, wire.Mode.ORIENT)
+        except (DeviceError, LinkError) as error:
+            self._tell(device, f"its clock started anew, and it cannot be set up again: {error}")
+        else:
+            self._tell(device, "its clock started anew: it was reset, and is set up again")
+
+    def _align(self) -> None:
+        before = set(self.aligner.free_running)
+        self.aligner.align(self._devices)
+        for device in set(self.aligner.free_running) - before:
+            self._tell(device, f"scans whenever it likes: {self.aligner.free_running[device]}")
+
+
+def _require_sync(device: Device) -> None:
+    if not device.clock.synced:
+        raise DeviceError(f"{device.name} does not answer clock pings")

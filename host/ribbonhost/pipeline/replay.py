@@ -1,0 +1,149 @@
+"""Recordings through the code that reconstructs a stream: unchanged, they give the same frames to the bit."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from ribbonhost.comb import parse_comb
+from ribbonhost.device import RecordedDevice
+from ribbonhost.errors import CombFileError, RecordingError
+from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.reconstruction import Reconstruction
+from ribbonhost.pipeline.report import Report
+from ribbonhost.pipeline.solving import Solved
+from ribbonhost.reconstruct import CombLayout
+from ribbonhost.reconstruct.comb import METHODS, Method, is_method
+from ribbonhost.record import Event, Item, Lost, Received, Recording, Sent, Spoiled
+from ribbonhost.record.layout import COUNTING
+from ribbonhost.wire import WireError
+
+
+class Replay:
+    """Plays the parts of a recording, in order, in one thread.
+
+    What took time in the stream (latencies) is measured in the times of the recording: a frame is done when
+    the packet that completed it was read.
+
+    Attributes:
+        arrangement: the ribbons.
+        t_s: where it is, seconds of the recording.
+        t_zero_s: host time of second 0.
+        method: of curves: that of the stream unless another was given.
+        damaged: what made no sense and was left out.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        *,
+        method: Method | None = None,
+        on_event: Callable[[str, str], None] = lambda label, what: None,
+        on_solved: Callable[[Solved], None] = lambda solved: None,
+    ) -> None:
+        """`on_event` is told what happened in the stream, `on_solved` each frame.
+
+        Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
+        """
+        header = recordings[0].header
+        self.damaged = 0
+        self.t_zero_s = recordings[0].t_zero_s
+        self.t_s = 0.0
+        self.method = method or _method(recordings[0])
+        self._recordings = recordings
+        self._on_event = on_event
+        for recording in recordings[1:]:
+            if [ribbon.serial for ribbon in recording.header.ribbons] != [r.serial for r in header.ribbons]:
+                raise RecordingError(f"{recording.path} is of other ribbons than {recordings[0].path}")
+        self._devices = {
+            ribbon.channel: RecordedDevice(ribbon.port)
+            for ribbon in header.ribbons
+            if ribbon.channel is not None
+        }
+        self.arrangement = self._arrangement(recordings[0])
+        # What it would say of silent ribbons was said in the stream, and recorded.
+        self._reconstruction = Reconstruction(
+            self.arrangement,
+            rate_hz=header.rate_hz,
+            method=self.method,
+            on_solved=on_solved,
+            now_s=lambda: self.t_s + self.t_zero_s,
+        )
+        for index, place in enumerate(self.arrangement.places):
+            if place.device:
+                place.device.on_scan = lambda scan, index=index: self._reconstruction.take(index, scan)
+
+    def play(self) -> Iterator[float]:
+        """Uses one recorded item after the other; yields where it is, seconds, after each.
+
+        Time before 0 is what the stream needed until all ribbons delivered.
+        """
+        for number, recording in enumerate(self._recordings):
+            for item in recording.items():
+                if number and item.number == 0:
+                    continue  # known from the part before
+                t_s = item.t_host_s - self.t_zero_s
+                self.t_s = t_s if self.t_s == 0.0 else max(self.t_s, t_s)
+                try:
+                    self._use(item)
+                # Values that only a file written to mislead can hold: absurd times, other numbers of nodes.
+                except (WireError, ArithmeticError, ValueError):
+                    self.damaged += 1
+                yield self.t_s
+            self.damaged += recording.damaged
+
+    def start_counting(self) -> None:
+        """Reports tell what happens from now on."""
+        self._reconstruction.start_counting()
+
+    def report(self) -> Report:
+        """What happened since the count began; rates are over the time since the report before."""
+        return self._reconstruction.report()
+
+    def _use(self, item: Item) -> None:
+        if isinstance(item, Event):
+            if item.what == COUNTING:
+                self.start_counting()
+            else:
+                self._on_event(item.label, item.what)
+            return
+        device = self._devices[item.ribbon]
+        match item:
+            case Received():
+                device.receive(item.packet, item.t_host_s)
+            case Sent():
+                device.send_again(item.packet)
+            case Spoiled():
+                device.spoil(item.crc_errors, item.malformed)
+            case Lost():
+                device.lose(item.why)
+
+    def _arrangement(self, recording: Recording) -> Arrangement:
+        header = recording.header
+        places = tuple(
+            Place(
+                ribbon.label,
+                ribbon.serial,
+                None if ribbon.channel is None else self._devices[ribbon.channel],
+                ribbon.pitch_m,
+                ribbon.node_count,
+            )
+            for ribbon in header.ribbons
+        )
+        if not header.comb:
+            return Arrangement(tuple(place for place in places if place.device), None, (), ())
+        try:
+            comb = parse_comb(header.comb)
+            layout = CombLayout(comb.pitch_m, places[0].node_count, tuple(r.start_m for r in comb.ribbons))
+        except (CombFileError, ValueError) as error:
+            raise RecordingError(f"{recording.path} describes no comb that can be: {error}") from error
+        if [place.serial for place in places] != list(comb.serials):
+            raise RecordingError(f"{recording.path} has other ribbons than its comb")
+        return Arrangement(places, layout, (), ())
+
+
+def _method(recording: Recording) -> Method:
+    method = recording.header.method
+    if not is_method(method):
+        raise RecordingError(
+            f'{recording.path} was reconstructed by the method "{method}", which this ribbonhost '
+            f"does not know: give one of {', '.join(METHODS)} with --method"
+        )
+    return method

@@ -1,0 +1,93 @@
+"""What becomes of matched scans: the surface of a comb, or the curve of a ribbon that belongs to none."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ribbonhost.pipeline.matching import Match, Matcher
+from ribbonhost.pipeline.tally import Tally
+from ribbonhost.reconstruct import CombFrame, CombLayout, CombSolver, error_percent
+from ribbonhost.reconstruct.comb import Method
+from ribbonhost.reconstruct.ribbon import RibbonSolver
+
+Truth = Callable[[float], NDArray[np.float64]]
+"""Positions (R + 1, n, 3) of all nodes at a host time, metres, as in CombFrame.node_m."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A reconstructed moment.
+
+    Attributes:
+        match: the orientations that it was made of.
+        places: indices of its ribbons among all, in the order of the arrays.
+        node_m: (r, n, 3) positions of the nodes, metres; of a comb from the reference's anchor.
+        comb: the whole frame; None of a single ribbon.
+    """
+
+    match: Match
+    places: tuple[int, ...]
+    node_m: NDArray[np.float64]
+    comb: CombFrame | None
+
+
+class CombTask:
+    """Makes a surface of each match of a whole comb.
+
+    Attributes:
+        places: indices of its ribbons among all, the reference first.
+        frame: the newest; None before the first.
+    """
+
+    def __init__(self, layout: CombLayout, rate_hz: int, method: Method, truth: Truth | None) -> None:
+        self.places = tuple(range(len(layout.start_m) + 1))
+        self.matcher = Matcher(len(self.places), layout.node_count, 1 / rate_hz)
+        self.frame: CombFrame | None = None
+        self._solver = CombSolver(layout, method)
+        self._truth = truth
+        self._length_m = layout.length_m
+
+    def solve(self, match: Match, tally: Tally) -> Solved | None:
+        """Reconstructs a match and counts it; None if that is not possible."""
+        try:
+            frame = self._solver.solve(match.q_world_node, match.valid)
+        except ValueError:
+            tally.unsolved += 1
+            return None
+        tally.add_frame(match.scans)
+        tally.lambda_limited += frame.lambda_limited
+        self.frame = frame
+        there = frame.ribbon_valid[1:]
+        if frame.ribbon_valid[0] and np.count_nonzero(there) >= 2:
+            tally.surfaces += 1
+            if self._truth:
+                truth_m = self._truth(match.t_host_s)[1:]
+                tally.add_error(error_percent(frame.node_m[1:][there], truth_m[there], self._length_m))
+        return Solved(match, self.places, frame.node_m, frame)
+
+
+class CurveTask:
+    """Makes a curve of each scan of one ribbon.
+
+    Attributes:
+        places: its index among all.
+        node_m: (n, 3) the newest curve, metres, from its own anchor; None before the first.
+    """
+
+    def __init__(self, place: int, pitch_m: float, node_count: int, rate_hz: int, method: Method) -> None:
+        self.places = (place,)
+        self.matcher = Matcher(1, node_count, 1 / rate_hz)
+        self.node_m: NDArray[np.float64] | None = None
+        self._solver = RibbonSolver(pitch_m, node_count, method)
+
+    def solve(self, match: Match, tally: Tally) -> Solved | None:
+        """Reconstructs a scan and counts it; None if that is not possible."""
+        try:
+            self.node_m = self._solver.solve(match.q_world_node[0], match.valid[0])
+        except ValueError:
+            tally.unsolved += 1
+            return None
+        tally.add_frame({self.places[i]: scan for i, scan in match.scans.items()})
+        return Solved(match, self.places, self.node_m[None], None)

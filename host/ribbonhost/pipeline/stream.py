@@ -1,0 +1,150 @@
+"""The stream: scans of the devices in, frames of the comb out, and what there is to say about both."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from ribbonhost.device import Device, Scan
+from ribbonhost.errors import LinkLostError, RibbonError
+from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.keeper import Keeper
+from ribbonhost.pipeline.reconstruction import Reconstruction
+from ribbonhost.pipeline.report import Report
+from ribbonhost.pipeline.solving import Solved, Truth
+from ribbonhost.reconstruct.comb import Method
+
+QUEUE_SCANS = 1024
+"""Scans that may wait for reconstruction; further ones are dropped and counted."""
+
+POLL_S = 0.1
+UNDERWAY_S = 0.5
+"""So long a scan that arrived is at most on its way to the reconstruction."""
+
+SETTLE_S = 3.0
+"""So long a stream waits at most, before it starts to count, for all nodes of all ribbons to be valid."""
+SETTLED_S = 0.2
+
+
+class Stream:
+    """Runs the devices of an arrangement and reconstructs what they send.
+
+    Threads: one reads each link and decodes, one matches and reconstructs, one keeps the devices in order.
+    """
+
+    def __init__(
+        self,
+        arrangement: Arrangement,
+        *,
+        rate_hz: int,
+        method: Method = "spline",
+        truth: Truth | None = None,
+        on_event: Callable[[str, str], None] = lambda label, what: None,
+        on_solved: Callable[[Solved], None] = lambda solved: None,
+    ) -> None:
+        """`on_event` is told, in any thread, what happened to which ribbon; `on_solved` each frame, in the
+        thread that reconstructs."""
+        self._places = arrangement.places
+        self._on_event = on_event
+        self._reconstruction = Reconstruction(
+            arrangement,
+            rate_hz=rate_hz,
+            method=method,
+            truth=truth,
+            on_event=on_event,
+            on_solved=on_solved,
+        )
+        self._labels = {place.device: place.label for place in self._places if place.device}
+        self._failed: set[Device] = set()
+        self._keeper = Keeper(
+            arrangement.devices, rate_hz, lambda device, what: on_event(self._labels[device], what)
+        )
+        self._queue: queue.SimpleQueue[tuple[int, Scan]] = queue.SimpleQueue()
+        self._dropped = [0] * len(self._places)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="reconstruct", daemon=True)
+
+    def start(self, stop: threading.Event | None = None) -> None:
+        """Sets the devices up, lets them send, and starts to count once all deliver valid nodes.
+
+        Nodes that stay invalid delay the count for SETTLE_S, then they are counted. A device that cannot be
+        set up is reported to `on_event` and left out. `stop`, once set, cuts the waiting short.
+
+        Raises RibbonError if no device can be set up, or, in a comb, the reference cannot.
+        """
+        self._leave_out(self._keeper.prepare())
+        for index, place in enumerate(self._places):
+            if place.device:
+                place.device.on_scan = self._taker(index)
+                place.device.on_lost = self._mourner(place)
+        self._thread.start()
+        self._leave_out(self._keeper.start())
+        self._settle(stop or threading.Event())
+        self._reconstruction.start_counting(sum(self._dropped))
+
+    def close(self) -> None:
+        """Quiets the devices, closes their links and ends all threads."""
+        self._keeper.stop()
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for device in self._labels:
+            device.link.stop()
+        for device in self._labels:
+            device.close()
+
+    @property
+    def over(self) -> str:
+        """Why nothing more can come; empty while something can."""
+        if self._reconstruction.is_comb and (device := self._places[0].device) and device.lost:
+            return f"the reference ribbon is gone: {device.lost}"
+        if all(device.lost or device in self._failed for device in self._labels):
+            return "no ribbon is left"
+        return ""
+
+    def report(self) -> Report:
+        """What happened since the count began; rates are over the time since the report before."""
+        return self._reconstruction.report(
+            failed=self._failed, is_aligned=self._keeper.aligner.is_aligned, dropped=sum(self._dropped)
+        )
+
+    def _leave_out(self, failed: Mapping[Device, RibbonError]) -> None:
+        for device, error in failed.items():
+            if self._reconstruction.is_comb and device is self._places[0].device:
+                raise error
+            self._failed.add(device)
+            self._on_event(self._labels[device], f"is left out: {error}")
+            if len(self._failed) == len(self._labels):
+                raise error
+
+    def _taker(self, index: int) -> Callable[[Scan], None]:
+        def take(scan: Scan) -> None:
+            if self._queue.qsize() < QUEUE_SCANS:
+                self._queue.put((index, scan))
+            else:
+                self._dropped[index] += 1
+
+        return take
+
+    def _mourner(self, place: Place) -> Callable[[LinkLostError], None]:
+        return lambda error: self._on_event(place.label, str(error))
+
+    def _settle(self, stop: threading.Event) -> None:
+        deadline_s = time.monotonic() + SETTLE_S
+        devices = [device for device in self._labels if device not in self._failed]
+        while time.monotonic() < deadline_s and not stop.is_set() and not self.over:
+            before = {device: device.counters() for device in devices}
+            stop.wait(SETTLED_S)
+            news = [device.counters() - before[device] for device in devices]
+            if all(new.frames and not new.invalid_nodes for new in news):
+                return
+
+    def _work(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                place, scan = self._queue.get(timeout=POLL_S)
+            except queue.Empty:
+                # Scans tell the time while there are any, so that a recording of them gives the same frames.
+                self._reconstruction.expire(time.monotonic() - UNDERWAY_S)
+            else:
+                self._reconstruction.take(place, scan)

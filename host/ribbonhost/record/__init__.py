@@ -1,0 +1,31 @@
+"""Recordings: all that ribbons sent, kept as it came, in MCAP files that survive what ends their writing."""
+
+from ribbonhost.record.layout import Header, RecordedRibbon
+from ribbonhost.record.reader import (
+    Event,
+    Item,
+    Lost,
+    Received,
+    Recording,
+    Sent,
+    Spoiled,
+    is_complete,
+)
+from ribbonhost.record.recorder import Recorder
+from ribbonhost.record.recover import Recovered, recover
+
+__all__ = [
+    "Event",
+    "Header",
+    "Item",
+    "Lost",
+    "Received",
+    "RecordedRibbon",
+    "Recorder",
+    "Recording",
+    "Recovered",
+    "Sent",
+    "Spoiled",
+    "is_complete",
+    "recover",
+]

@@ -1,0 +1,39 @@
+"""A command line without serial ports of its own, and scripted ribbons on TCP ports for it."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from host.fake_ribbon import FakeRibbon, served
+from ribbonhost import cli
+from serial.tools import list_ports
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs `ribbonhost` with arguments in this process; returns its exit code, stdout and stderr."""
+    monkeypatch.setattr(list_ports, "comports", list)
+    monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["ribbonhost", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return run
+
+
+@pytest.fixture
+def fakes() -> list[FakeRibbon]:
+    return [FakeRibbon(serial=serial) for serial in ("21d7" + "0" * 20, "21aa" + "0" * 20)]
+
+
+@pytest.fixture
+def urls(fakes: list[FakeRibbon]) -> Iterator[list[str]]:
+    with ExitStack() as stack:
+        yield [stack.enter_context(served(fake)) for fake in fakes]

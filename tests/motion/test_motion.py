@@ -1,0 +1,180 @@
+"""The motion estimator follows ribbons through emulated sensors, firmware and packets."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import typer
+from ribbonhost.bench.motion import motion
+from ribbonhost.bench.motion_cases import Goal
+from ribbonhost.bench.motion_chain import record
+from ribbonhost.bench.motion_results import Result, error_percent, evaluate
+from ribbonhost.bench.motion_truth import Case
+from ribbonhost.motion import LiveMotion, MotionParams, Samples, Status, recording, smooth_recording
+from ribbonhost.motion.scans import timing
+
+SECONDS = 3.0
+
+
+def result_of(scene: str, period_s: float, **settings: object) -> Result:
+    case = Case("test", scene, period_s, SECONDS, **settings)  # type: ignore[arg-type]
+    return evaluate(Goal(case))
+
+
+@pytest.fixture(scope="module")
+def wing() -> tuple[Samples, MotionParams, object]:
+    """The wing at 2 s a period, in motion from the first sample."""
+    recording = record(Case("test", "wing", 2.0, SECONDS))
+    return recording.samples, recording.params, recording.truth
+
+
+@pytest.mark.parametrize("starts", ["rest", "motion"])
+@pytest.mark.parametrize(("scene", "period_s"), [("wing", 2.0), ("breath", 1.0)])
+def test_motion_is_followed_within_a_twentieth_of_a_percent(scene: str, period_s: float, starts: str) -> None:
+    result = result_of(scene, period_s, starts=starts)
+    assert result.mean("live") <= 0.05
+    assert result.mean("two_sided") <= 0.02
+    assert result.mean("level") > 10 * result.mean("live")
+    assert result.restarts == 0
+
+
+@pytest.mark.parametrize(("scene", "period_s"), [("wing", 1.0), ("breath", 0.5)])
+def test_motion_at_nine_tenths_of_g_is_followed_from_its_midst(scene: str, period_s: float) -> None:
+    result = result_of(scene, period_s)
+    assert result.mean("live") <= 0.3
+    assert result.mean("two_sided") <= 0.1
+    # From the level reading, wrong by several percent, to a tenth within half a second.
+    assert result.live[(result.t_s > 0.5) & (result.t_s < 0.7)].mean() <= 0.2
+
+
+def test_dead_and_magnetised_nodes_are_done_without() -> None:
+    result = result_of("breath", 2.0, trouble=("dead nodes", "magnetised nodes"))
+    assert result.mean("live") <= 0.15
+    assert result.mean("level") > 0.5
+
+
+def test_taps_do_no_harm() -> None:
+    result = result_of("wing", 2.0, trouble=("taps",))
+    assert result.largest("live") <= 0.2
+
+
+def test_a_hole_in_the_stream_is_bridged(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, truth = wing
+    kept = (samples.t_s < 1.5) | (samples.t_s > 1.8)
+    holed = Samples(**{f.name: getattr(samples, f.name)[kept] for f in dataclasses.fields(samples)})
+    motion = LiveMotion(params).update(holed)
+    assert motion is not None
+    error = error_percent(motion.position_m, truth, holed.t_s)  # type: ignore[arg-type]
+    assert error[holed.t_s > 2.3].mean() <= 0.1
+    assert (motion.status[holed.t_s > 1.8] == Status.TRACKING).all()
+
+
+def test_batches_do_not_matter(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, _ = wing
+    at_once = LiveMotion(params).update(samples[:150])
+    one = LiveMotion(params)
+    pieces = [one.update(samples[i : i + 7]) for i in range(0, 150, 7)]
+    assert at_once is not None
+    joined = np.concatenate([piece.q_world_node for piece in pieces if piece is not None])
+    np.testing.assert_allclose(joined[:150], at_once.q_world_node[: len(joined)], atol=1e-12)
+
+
+def test_a_lag_makes_estimates_later_and_better(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, truth = wing
+    prompt = LiveMotion(params).update(samples)
+    late = LiveMotion(params, lag_samples=10).update(samples)
+    assert prompt is not None
+    assert late is not None
+    assert len(late.t_s) == len(samples) - 10
+    np.testing.assert_array_equal(late.t_s, samples.t_s[:-10])
+    counted = late.t_s > 1.0
+    errors = [
+        error_percent(motion.position_m, truth, motion.t_s)[: len(counted)][counted].mean()  # type: ignore[arg-type]
+        for motion in (prompt, late)
+    ]
+    assert errors[1] < errors[0]
+
+
+def test_windows_of_a_recording_join_without_a_step(
+    wing: tuple[Samples, MotionParams, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples, params, _ = wing
+    whole = smooth_recording(samples, params)
+    monkeypatch.setattr(recording, "WINDOW", 50)
+    monkeypatch.setattr(recording, "OVERLAP", 100)
+    windows = smooth_recording(samples, params)
+    np.testing.assert_array_equal(windows.t_s, whole.t_s)
+    # Fifty micrometres are a third of the error.
+    np.testing.assert_allclose(windows.position_m[50:], whole.position_m[50:], atol=5e-5)
+
+
+def test_velocity_and_acceleration_are_the_derivatives_of_position(
+    wing: tuple[Samples, MotionParams, object],
+) -> None:
+    samples, params, _ = wing
+    motion = smooth_recording(samples, params)
+    middle = slice(100, 200)
+    velocity = np.gradient(motion.position_m, motion.t_s, axis=0)
+    acceleration = np.gradient(motion.velocity_mps, motion.t_s, axis=0)
+    speed = np.abs(motion.velocity_mps[middle]).max()
+    np.testing.assert_allclose(motion.velocity_mps[middle], velocity[middle], atol=0.02 * speed)
+    force = np.abs(motion.acceleration_mps2[middle]).max()
+    np.testing.assert_allclose(motion.acceleration_mps2[middle], acceleration[middle], atol=0.2 * force)
+
+
+def test_nothing_finite_is_made_of_nothing(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, _ = wing
+    blind = dataclasses.replace(samples[:20], level_valid=np.zeros((20, 16), bool))
+    motion = LiveMotion(params).update(blind)
+    assert motion is not None
+    assert (motion.status == Status.WAITING).all()
+    assert np.isnan(motion.position_m).all()
+
+
+def test_values_that_are_not_finite_count_as_not_valid(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, truth = wing
+    force = samples.force_mps2.copy()
+    force[100:, 4] = np.nan
+    force[150:160] = np.inf
+    motion = LiveMotion(params).update(dataclasses.replace(samples, force_mps2=force))
+    assert motion is not None
+    assert np.isfinite(motion.position_m).all()
+    assert error_percent(motion.position_m, truth, motion.t_s)[200:].mean() <= 0.1  # type: ignore[arg-type]
+
+
+def test_parameters_and_times_that_cannot_be_are_refused(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, _ = wing
+    with pytest.raises(ValueError, match="6 to 32 nodes, not 3"):
+        LiveMotion(MotionParams(node_count=3))
+    with pytest.raises(ValueError, match="finite and positive"):
+        LiveMotion(MotionParams(pitch_m=float("nan")))
+    with pytest.raises(ValueError, match="increasing times"):
+        LiveMotion(params).update(dataclasses.replace(samples, t_s=np.zeros_like(samples.t_s)))
+    with pytest.raises(ValueError, match="force_mps2 has shape"):
+        LiveMotion(MotionParams(node_count=8)).update(samples)
+
+
+def test_ages_of_readings_follow_the_scan_rate() -> None:
+    at_100 = timing(100)
+    assert at_100.force_age_s == pytest.approx(0.0155, abs=1e-4)
+    assert at_100.field_age_s == pytest.approx(0.0029, abs=1e-4)
+    assert at_100.force_overlap == 2.5
+    assert timing(200).force_age_s < at_100.force_age_s
+    assert timing(1).force_overlap == 1.0
+    with pytest.raises(ValueError, match="0 Hz"):
+        timing(0)
+
+
+def test_bench_prints_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
+    motion(json_output=True, only="breath at rest")
+    printed = json.loads(capsys.readouterr().out)
+    assert [case["case"]["name"] for case in printed["cases"]] == ["breath at rest"]
+    assert printed["cases"][0]["mean_percent"]["live"] <= printed["cases"][0]["mean_percent"]["level"]
+    assert printed["speed"]["times_reference"] > 1
+
+
+def test_bench_says_when_no_case_has_that_name() -> None:
+    with pytest.raises(typer.Exit) as exit_:
+        motion(only="no such case")
+    assert exit_.value.exit_code == 2
