@@ -24,7 +24,7 @@ from ribbonhost.record import Recorder, Recording
 def replayed(*paths: Path, method: Method | None = None) -> tuple[Replay, list[Solved]]:
     """The frames from time 0 on."""
     solved: list[Solved] = []
-    replay = Replay([Recording(path) for path in paths], method=method, on_solved=solved.append)
+    replay = Replay([Recording(path) for path in paths], method=method, on_solved=[solved.append])
     for _ in replay.play():
         pass
     return replay, [frame for frame in solved if frame.match.t_host_s >= replay.t_zero_s]
@@ -71,14 +71,14 @@ def test_what_was_streamed_live_is_replayed_to_the_last_bit(tmp_path: Path) -> N
         arrangement = arrange_comb(devices, comb)
         channels = {device: tap.channel for device, tap in zip(devices, taps, strict=True)}
         recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=100, method="hermite"))
-        stream = Stream(arrangement, rate_hz=100, method="hermite", on_solved=live.append)
+        stream = Stream(arrangement, rate_hz=100, method="hermite", on_solved=[live.append])
         stream.start()
         emulated.plug(2, False)  # a ribbon that goes missing is part of what must be the same
         time.sleep(1.5)
         stream.close()
         recorder.close()
     solved: list[Solved] = []
-    replay = Replay([Recording(recorder.paths[0])], on_solved=solved.append)
+    replay = Replay([Recording(recorder.paths[0])], on_solved=[solved.append])
     for _ in replay.play():
         pass
     assert replay.method == "hermite"

@@ -105,7 +105,7 @@ def stream_virtually(
     )
     arrangement = arrange_comb(devices, comb)
     solved: list[Solved] = []
-    reconstruction = Reconstruction(arrangement, rate_hz=RATE_HZ, method=method, on_solved=solved.append)
+    reconstruction = Reconstruction(arrangement, rate_hz=RATE_HZ, method=method, on_solved=[solved.append])
     for index, device in enumerate(devices):
         device.on_scan = lambda scan, index=index: reconstruction.take(index, scan)
     channels = {device: tap.channel for device, tap in zip(devices, taps, strict=True)}

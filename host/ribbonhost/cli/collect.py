@@ -116,7 +116,7 @@ def collect(
         if frames.see(solved) and low_s <= t_s <= high_s:
             nearest.add(t_s, solved)
 
-    replay = Replay(recordings, method=method, on_solved=on_solved)
+    replay = Replay(recordings, method=method, on_solved=[on_solved])
     places = replay.arrangement.places
     if len({place.node_count for place in places if place.node_count}) > 1:
         raise UsageError("ribbons of different lengths that make no comb do not fit into one file")

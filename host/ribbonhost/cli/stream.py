@@ -21,6 +21,7 @@ from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
 from ribbonhost.link import ports_seen
 from ribbonhost.pipeline.arrangement import arrange_comb, arrange_curves
 from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.pipeline.stream import Stream
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
 from ribbonhost.record import Recorder
@@ -99,12 +100,14 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
         for device in arrangement.unused:
             device.close()
         rate_hz = _rate(options.rate_hz, arrangement.devices, output)
+        consumers: list[OnSolved] = []
         stream = Stream(
             arrangement,
             rate_hz=rate_hz,
             method=method,
             truth=emulation.truth_m if emulation else None,
             on_event=on_event,
+            on_solved=consumers,
         )
         if recorder:
             recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=rate_hz, method=method))

@@ -2,13 +2,13 @@
 
 import math
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 
 from ribbonhost.device import Counters, Device, Scan
 from ribbonhost.pipeline.arrangement import Arrangement, Place
 from ribbonhost.pipeline.matching import SILENT_S
 from ribbonhost.pipeline.report import CombReport, Report, RibbonReport
-from ribbonhost.pipeline.solving import CombTask, CurveTask, Solved, Truth
+from ribbonhost.pipeline.solving import CombTask, CurveTask, OnSolved, Truth
 from ribbonhost.pipeline.tally import Tally
 from ribbonhost.reconstruct.comb import Method
 
@@ -28,15 +28,15 @@ class Reconstruction:
         method: Method,
         truth: Truth | None = None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
-        on_solved: Callable[[Solved], None] = lambda solved: None,
+        on_solved: Iterable[OnSolved] = (),
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`on_event` is told what happened to which ribbon, `on_solved` each frame; `now_s`: what durations
-        are measured with."""
+        """`on_event` is told what happened to which ribbon, each of `on_solved` each frame;
+        `now_s`: what durations are measured with."""
         self._places = arrangement.places
         self._rate_hz = rate_hz
         self._on_event = on_event
-        self._on_solved = on_solved
+        self._on_solved = tuple(on_solved)
         self._now_s = now_s
         self._tasks: list[CombTask | CurveTask]
         if arrangement.layout:
@@ -76,7 +76,8 @@ class Reconstruction:
             self._on_event(self._places[place].label, "delivers again")
         for match in task.matcher.add(index, scan, scan.t_arrival_s):
             if solved := task.solve(match, self._tally):
-                self._on_solved(solved)
+                for tell in self._on_solved:
+                    tell(solved)
 
     def expire(self, t_host_s: float) -> None:
         """No longer waits for ribbons that were silent for SILENT_S at a host time."""

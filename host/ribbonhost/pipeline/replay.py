@@ -1,6 +1,6 @@
 """Recordings through the code that reconstructs a stream: unchanged, they give the same frames to the bit."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from ribbonhost.comb import parse_comb
 from ribbonhost.device import RecordedDevice
@@ -8,7 +8,7 @@ from ribbonhost.errors import CombFileError, RecordingError
 from ribbonhost.pipeline.arrangement import Arrangement, Place
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
-from ribbonhost.pipeline.solving import Solved
+from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.reconstruct import CombLayout
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
 from ribbonhost.record import Event, Item, Lost, Received, Recording, Sent, Spoiled
@@ -36,9 +36,9 @@ class Replay:
         *,
         method: Method | None = None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
-        on_solved: Callable[[Solved], None] = lambda solved: None,
+        on_solved: Iterable[OnSolved] = (),
     ) -> None:
-        """`on_event` is told what happened in the stream, `on_solved` each frame.
+        """`on_event` is told what happened in the stream, each of `on_solved` each frame.
 
         Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
         """

@@ -33,6 +33,10 @@ class Solved:
     comb: CombFrame | None
 
 
+OnSolved = Callable[[Solved], None]
+"""Who wants each frame: a view, a file, a port. Called in the thread that reconstructs; must be quick."""
+
+
 class CombTask:
     """Makes a surface of each match of a whole comb.
 

@@ -3,7 +3,7 @@
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from ribbonhost.device import Device, Scan
 from ribbonhost.errors import LinkLostError, RibbonError
@@ -11,7 +11,7 @@ from ribbonhost.pipeline.arrangement import Arrangement, Place
 from ribbonhost.pipeline.keeper import Keeper
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
-from ribbonhost.pipeline.solving import Solved, Truth
+from ribbonhost.pipeline.solving import OnSolved, Truth
 from ribbonhost.reconstruct.comb import Method
 
 QUEUE_SCANS = 1024
@@ -40,10 +40,10 @@ class Stream:
         method: Method = "spline",
         truth: Truth | None = None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
-        on_solved: Callable[[Solved], None] = lambda solved: None,
+        on_solved: Iterable[OnSolved] = (),
     ) -> None:
-        """`on_event` is told, in any thread, what happened to which ribbon; `on_solved` each frame, in the
-        thread that reconstructs."""
+        """`on_event` is told, in any thread, what happened to which ribbon; each of `on_solved` each
+        frame, in the thread that reconstructs."""
         self._places = arrangement.places
         self._on_event = on_event
         self._reconstruction = Reconstruction(
