@@ -21,6 +21,7 @@ void app_use_calibration(struct app *app) {
     app->fusion_params.field_horizontal_ut = values->field_horizontal_ut;
     app->fusion_params.field_down_ut = values->field_down_ut;
     app->fusion_params.has_two_axes = values->mag_axes == 2u;
+    memcpy(app->fusion_params.blind, app->calibration.blind, sizeof app->fusion_params.blind);
     fusion_reset(&app->fusion_params, &app->fusion_state, &app->fusion_derived);
 }
 
@@ -76,7 +77,7 @@ static void fill_fusion_input(struct app *app, float dt_s) {
 
 static void scan(struct app *app) {
     const uint32_t start_us = board_now_us(app->board);
-    sensor_string_read(&app->string, app->board, &app->calibration.values);
+    sensor_string_read(&app->string, app->board, &app->calibration);
     const uint32_t t_us = board_now_us(app->board);
     const uint32_t scan_us = t_us - start_us;
     app->scan_us = scan_us < UINT16_MAX ? (uint16_t)scan_us : UINT16_MAX;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "framing.h"
+#include "vec3.h"
 
 /* Dip 62 degrees. */
 static const float FIELD_HORIZONTAL_UT = 22.53f;
@@ -40,6 +41,8 @@ static void take_record(struct calibration *calibration, const uint8_t *record, 
     memmove(calibration->record, record, CALIBRATION_RECORD_BYTES);
     calibration->crc32 = framing_crc32(calibration->record, CALIBRATION_RECORD_BYTES);
     calibration->sequence = sequence;
+    for (unsigned k = 0; k < RIBBON_NODE_COUNT; k++)
+        calibration_blind_direction(&calibration->values.slots[2u * k + 1u], calibration->blind[k]);
 }
 
 void calibration_init(struct calibration *calibration) {
@@ -84,5 +87,14 @@ void calibration_apply(const struct wire_slot_calibration *slot, const float v_p
     for (unsigned row = 0; row < 3u; row++) {
         const float *const m = slot->matrix + 3u * row;
         v_node[row] = m[0] * v[0] + m[1] * v[1] + m[2] * v[2];
+    }
+}
+
+void calibration_blind_direction(const struct wire_slot_calibration *slot, float direction[3]) {
+    for (unsigned row = 0; row < 3u; row++)
+        direction[row] = slot->matrix[3u * row + 2u];
+    if (!vec3_normalise(direction)) {
+        direction[0] = direction[1] = 0.0f;
+        direction[2] = 1.0f;
     }
 }

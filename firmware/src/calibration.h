@@ -15,6 +15,8 @@
 
 struct calibration {
     struct wire_calibration values;
+    float blind[RIBBON_NODE_COUNT][3]; /* what a two-axis magnetometer does not measure: the direction of its
+                                          z axis, a unit vector of the node frame */
     uint8_t record[CALIBRATION_RECORD_BYTES]; /* `values`, packed */
     uint32_t crc32;                           /* of `record` */
     uint32_t sequence;                        /* counts commits; 0: never calibrated */
@@ -32,5 +34,9 @@ bool calibration_use(struct calibration *calibration, const uint8_t *record, uin
 
 /* v_node = matrix * (v_part - offset), all in SI units. */
 void calibration_apply(const struct wire_slot_calibration *slot, const float v_part[3], float v_node[3]);
+
+/* The direction in the node frame of what the part reads along its z axis: the third column of its matrix, of
+ * length 1; the node's z if that is zero. */
+void calibration_blind_direction(const struct wire_slot_calibration *slot, float direction[3]);
 
 #endif

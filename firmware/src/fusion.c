@@ -48,6 +48,8 @@ void fusion_params_default(struct fusion_params *params) {
         .ambiguous_cost = 9.0f,
         .sigma_max_rad = 0.55f,
     };
+    for (unsigned k = 0; k < NODES; k++)
+        params->blind[k][2] = 1.0f;
     rest_filter_params_default(&params->rest);
 }
 
@@ -85,28 +87,20 @@ static bool is_sane(const float reading[3]) {
 /* Takes the readings into their filters, and says which are valid. */
 static void filter(const struct fusion_params *params, struct fusion_state *state,
                    const struct fusion_input *input, struct fusion_scan *scan) {
-    const float (*field_ut)[3] = input->field_ut;
-    if (params->has_two_axes) {
-        for (unsigned k = 0; k < NODES; k++) {
-            memcpy(scan->field_ut[k], input->field_ut[k], sizeof scan->field_ut[k]);
-            scan->field_ut[k][2] = 0.0f; /* whatever was there was not measured */
-        }
-        field_ut = (const float (*)[3])scan->field_ut;
-    }
     unsigned count = 0u;
     for (unsigned k = 0; k < NODES; k++) {
         scan->accel_valid[k] = input->accel_valid[k] && is_sane(input->accel_mps2[k]);
-        scan->field_valid[k] = input->field_valid[k] && is_sane(field_ut[k]);
+        scan->field_valid[k] = input->field_valid[k] && is_sane(input->field_ut[k]);
         count += (unsigned)scan->accel_valid[k] + (unsigned)scan->field_valid[k];
     }
 
     struct rest_filter_gain *const gain = &state->gain;
     const float ratio_sum =
         rest_filter_watch(state->accel, NODES, gain, input->accel_mps2, scan->accel_valid) +
-        rest_filter_watch(state->field, NODES, gain, field_ut, scan->field_valid);
+        rest_filter_watch(state->field, NODES, gain, input->field_ut, scan->field_valid);
     rest_filter_adapt(&params->rest, scan->dt_s, count > 0u ? ratio_sum / (float)count : 0.0f, gain);
     rest_filter_take(state->accel, NODES, gain, input->accel_mps2, scan->accel_valid);
-    rest_filter_take(state->field, NODES, gain, field_ut, scan->field_valid);
+    rest_filter_take(state->field, NODES, gain, input->field_ut, scan->field_valid);
 }
 
 /* Gravity's direction at every accelerometer, and from there at every node. */

@@ -20,7 +20,9 @@ struct fusion_params {
     float gravity_mps2;        /* default 9.80665 */
     float field_horizontal_ut; /* of the local field; default 22.53 (48 uT, dip 62 deg) */
     float field_down_ut;       /* default 42.38 */
-    bool has_two_axes;         /* only x and y of the field are measured; default false */
+    bool has_two_axes;         /* one component of the field is not measured; default false */
+    /* Which one: a unit vector of the node frame, node by node; default z. */
+    float blind[RIBBON_NODE_COUNT][3];
 
     float accel_error; /* what calibration leaves of an accelerometer's error, share of g; default 0.003 */
     float field_error; /* the same of a magnetometer, share of the field; default 0.005 */
@@ -71,7 +73,7 @@ struct fusion_derived {
 struct fusion_input {
     float dt_s; /* since the scan before */
     float accel_mps2[RIBBON_NODE_COUNT][3];
-    float field_ut[RIBBON_NODE_COUNT][3];
+    float field_ut[RIBBON_NODE_COUNT][3]; /* with two axes it has no part along params->blind */
     float accel_age_s[RIBBON_NODE_COUNT]; /* of a reading at the time that the orientations are for */
     float field_age_s[RIBBON_NODE_COUNT];
     float accel_noise_mps2[RIBBON_NODE_COUNT]; /* of one axis of one reading, by the data sheet */

@@ -41,8 +41,9 @@ static void complete(const struct fusion_params *params, const struct fusion_sta
             continue;
         const float variance =
             scan->field_noise_variance[k] + error_ut * error_ut + scan->tilt_variance[k] * down_ut * down_ut;
-        branch->count = (uint8_t)two_axis_solve(scan->up[k], scan->field_ut[k], horizontal_ut, down_ut,
-                                                MISFIT_MAX_SIGMAS * sqrtf(variance), roots[k]);
+        branch->count =
+            (uint8_t)two_axis_solve(scan->up[k], params->blind[k], scan->field_ut[k], horizontal_ut, down_ut,
+                                    MISFIT_MAX_SIGMAS * sqrtf(variance), roots[k]);
         float fit[2] = {0.0f, 0.0f};
         for (unsigned i = 0; i < branch->count; i++) {
             for (unsigned axis = 0; axis < 3u; axis++)

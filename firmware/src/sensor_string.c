@@ -113,25 +113,32 @@ void sensor_string_start(struct sensor_string *string, struct board *board) {
     walk(string, board, SLOT_PASS_TRIGGER);
 }
 
+static bool has_two_axes(const struct calibration *calibration, unsigned slot) {
+    return slot % 2u == 1u && calibration->values.mag_axes == 2u;
+}
+
 /* The reading of a slot, calibrated; false if it is not finite or absurdly large. */
-static bool convert(struct sensor_string *string, unsigned i, const struct wire_calibration *calibration,
+static bool convert(struct sensor_string *string, unsigned i, const struct calibration *calibration,
                     float size) {
     const float lsb = config_of(string, i)->lsb;
     float reading[3];
     for (unsigned axis = 0; axis < 3u; axis++)
         reading[axis] = lsb * (float)string->slots[i].counts[axis];
-    calibration_apply(&calibration->slots[i], reading, string->reading[i]);
-    if (string->slots[i].kind == PART_MAGNETOMETER && calibration->mag_axes == 2u)
-        string->reading[i][2] = 0.0f;
+    calibration_apply(&calibration->values.slots[i], reading, string->reading[i]);
+    if (has_two_axes(calibration, i)) {
+        /* The part's z axis is not used: whatever it read lies along the direction without measurement. */
+        const float *const blind = calibration->blind[i / 2u];
+        vec3_add_scaled(string->reading[i], -vec3_dot(string->reading[i], blind), blind);
+    }
     return vec3_norm(string->reading[i]) < SIZE_MAX_RATIO * size; /* false for NaN */
 }
 
 /* Judges the readings of one kind, those of slots first, first + 2, ... */
-static void judge(struct sensor_string *string, const struct wire_calibration *calibration, unsigned first,
+static void judge(struct sensor_string *string, const struct calibration *calibration, unsigned first,
                   float size, uint32_t now_us) {
     struct plausibility_input input;
     input.size = size;
-    input.has_two_axes = string->slots[first].kind == PART_MAGNETOMETER && calibration->mag_axes == 2u;
+    input.has_two_axes = has_two_axes(calibration, first);
     bool suspect[RIBBON_NODE_COUNT];
     for (unsigned k = 0; k < RIBBON_NODE_COUNT; k++) {
         const unsigned i = 2u * k + first;
@@ -162,11 +169,11 @@ static void judge(struct sensor_string *string, const struct wire_calibration *c
 }
 
 void sensor_string_read(struct sensor_string *string, struct board *board,
-                        const struct wire_calibration *calibration) {
+                        const struct calibration *calibration) {
     walk(string, board, SLOT_PASS_READ);
     const uint32_t now_us = board_now_us(board);
-    const float horizontal_ut = calibration->field_horizontal_ut;
-    const float down_ut = calibration->field_down_ut;
+    const float horizontal_ut = calibration->values.field_horizontal_ut;
+    const float down_ut = calibration->values.field_down_ut;
     judge(string, calibration, 0u, STANDARD_GRAVITY_MPS2, now_us);
     judge(string, calibration, 1u, sqrtf(horizontal_ut * horizontal_ut + down_ut * down_ut), now_us);
     survey(string, now_us);

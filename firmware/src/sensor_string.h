@@ -34,7 +34,7 @@ void sensor_string_start(struct sensor_string *string, struct board *board);
 /* Reads all slots in one pass, judges what was read and fills `reading`; slots[i].reason tells which are
  * usable. */
 void sensor_string_read(struct sensor_string *string, struct board *board,
-                        const struct wire_calibration *calibration);
+                        const struct calibration *calibration);
 
 /* One pass for what slots have to do besides being read. */
 void sensor_string_patrol(struct sensor_string *string, struct board *board);

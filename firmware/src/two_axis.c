@@ -45,21 +45,37 @@ static struct ellipse_point nearest_from(float c, float s, const float p[2], flo
     return (struct ellipse_point){c, s, curvature > 0.0f};
 }
 
-unsigned two_axis_solve(const float up[3], const float field_ut[3], float horizontal_ut, float down_ut,
-                        float misfit_max_ut, struct two_axis_root roots[2]) {
-    /* Unit vectors of the plane: downhill reversed (along), and level (across). */
-    const float slope = sqrtf(up[0] * up[0] + up[1] * up[1]);
-    const float along_x = slope > SLOPE_MIN ? up[0] / slope : 1.0f;
-    const float along_y = slope > SLOPE_MIN ? up[1] / slope : 0.0f;
-    const float level[3] = {-along_y, along_x, 0.0f};
+/* Some unit vector across a unit vector b. */
+static void across(const float b[3], float v[3]) {
+    const bool is_x = fabsf(b[0]) < 0.7f;
+    v[0] = is_x ? 1.0f : 0.0f;
+    v[1] = is_x ? 0.0f : 1.0f;
+    v[2] = 0.0f;
+    vec3_add_scaled(v, -vec3_dot(v, b), b);
+    vec3_normalise(v);
+}
+
+unsigned two_axis_solve(const float up[3], const float blind[3], const float field_ut[3], float horizontal_ut,
+                        float down_ut, float misfit_max_ut, struct two_axis_root roots[2]) {
+    /* Unit vectors of the plane: downhill reversed (along), and level. */
+    const float up_blind = vec3_dot(up, blind);
+    float along[3] = {up[0], up[1], up[2]};
+    vec3_add_scaled(along, -up_blind, blind);
+    const float slope = vec3_norm(along);
+    if (slope > SLOPE_MIN)
+        vec3_scale(along, 1.0f / slope);
+    else
+        across(blind, along);
+    float level[3];
+    vec3_cross(blind, along, level);
     float uphill[3]; /* across up and level */
     vec3_cross(up, level, uphill);
 
-    /* north = c * level + s * uphill projects to c across and -u_z s along. */
-    const float w = -up[2];
+    /* north = c * level + s * uphill projects to c level, and -(up . blind) s along. */
+    const float w = -up_blind;
     const float p[2] = {
-        (field_ut[0] * level[0] + field_ut[1] * level[1]) / horizontal_ut,
-        (field_ut[0] * along_x + field_ut[1] * along_y + down_ut * slope) / horizontal_ut,
+        vec3_dot(field_ut, level) / horizontal_ut,
+        (vec3_dot(field_ut, along) + down_ut * slope) / horizontal_ut,
     };
 
     /* One start a side, above the measured point; first on the side that it is nearer to. */

@@ -339,7 +339,8 @@ struct wire_slot_calibration {
 struct wire_calibration {
     /* 1 */
     uint16_t layout;
-    /* 2: only x and y of the magnetometers are used; 3: all */
+    /* 2: only x and y of the magnetometers are used, as the part names its axes: what it does not measure
+     * lies along the third column of its slot's matrix; 3: all */
     uint8_t mag_axes;
     /* slots that follow; must be the device's own number */
     uint8_t slot_count;

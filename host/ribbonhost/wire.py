@@ -544,7 +544,8 @@ class Calibration:
     """All that a device knows of its sensors. `layout` is 1.
 
     layout: 1
-    mag_axes: 2: only x and y of the magnetometers are used; 3: all
+    mag_axes: 2: only x and y of the magnetometers are used, as the part names its axes: what it does not
+        measure lies along the third column of its slot's matrix; 3: all
     created_s: s since 1970-01-01 UTC; 0: invalid; when it was made; 0: the identity calibration of an
         uncalibrated device
     pitch_m: m; distance between neighbouring slots

@@ -57,8 +57,15 @@ class Fusion:
         lib.fusion_reset(self.params, self.state, self.derived)
 
     def scan(self, accel_mps2: Array, field_ut: Array) -> Oriented:
-        """The orientations after one more scan with these readings, (N, 3) each."""
+        """The orientations after one more scan with these readings, (N, 3) each.
+
+        Two axes: without what the magnetometers are blind to.
+        """
         self.accel_mps2[:], self.field_ut[:] = accel_mps2, field_ut
+        if self.params.has_two_axes:
+            blind = view(self.params.blind)
+            with np.errstate(all="ignore"):  # garbage stays garbage
+                self.field_ut[:] = field_ut - np.sum(field_ut * blind, axis=1, keepdims=True) * blind
         lib.fusion_update(self.params, self.state, self.derived, self.input, self._nodes)
         nodes = self._nodes
         return Oriented(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ribbonhil.faults import Fault
 from ribbonhil.ribbon import Device, EmulatedRibbon, drawn_device
 from ribbonhil.scenes import load_scene
-from ribbonhil.truth import CombTruth, comb_truth
+from ribbonhil.truth import CombTruth, RibbonTruth, comb_truth
 from ribbonhost import wire
 from ribbonhost.framing import Deframer, encode_frame
 from ribbonhost.wire import Ack, AckCode, Command, CommandCode, Mode, Orient, Raw, Status
@@ -54,8 +54,11 @@ class RunningRibbon:
         *,
         faults: tuple[Fault, ...] = (),
         mode: int = Mode.ORIENT | Mode.RAW,
+        truth: RibbonTruth | None = None,
     ) -> None:
-        self.ribbon = EmulatedRibbon.from_truth(wing().ribbon(RIBBON), device or drawn_device(3, RIBBON))
+        self.ribbon = EmulatedRibbon.from_truth(
+            truth or wing().ribbon(RIBBON), device or drawn_device(3, RIBBON)
+        )
         for fault in faults:
             self.ribbon.add_fault(fault)
         self._deframer = Deframer()

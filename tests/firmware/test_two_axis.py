@@ -16,10 +16,15 @@ MISFIT_MAX_UT = 8 * SIGMA_UT
 HEADINGS = 2400
 
 
-def solve(up: np.ndarray, field_ut: np.ndarray, misfit_max_ut: float = MISFIT_MAX_UT):
+NORMAL = np.array([0.0, 0.0, 1.0])
+
+
+def solve(up: np.ndarray, field_ut: np.ndarray, blind: np.ndarray = NORMAL):
     """(norths, misfits squared) of the roots, best first, and their sensitivities."""
     roots = ffi.new("struct two_axis_root[2]")
-    count = lib.two_axis_solve(floats(up), floats(field_ut), HORIZONTAL_UT, DOWN_UT, misfit_max_ut, roots)
+    count = lib.two_axis_solve(
+        floats(up), floats(blind), floats(field_ut), HORIZONTAL_UT, DOWN_UT, MISFIT_MAX_UT, roots
+    )
     norths = np.array([list(roots[i].north) for i in range(count)])
     costs = np.array([lib.two_axis_cost(ffi.addressof(roots[i])) for i in range(count)])
     return norths, costs, np.array([roots[i].sensitivity for i in range(count)])
@@ -96,11 +101,24 @@ def test_heading_is_exact_without_noise():
         assert angles.min() < 0.02 + 0.06  # arccos of single-precision vectors resolves 0.06 deg
 
 
-def test_third_component_is_not_looked_at():
-    up, _, field_ut = next(random_cases(4, 1, SIGMA_UT))
-    wrong = field_ut * [1, 1, 0] + [0, 0, np.nan]
-    for a, b in zip(solve(up, field_ut), solve(up, wrong), strict=True):
-        assert np.array_equal(a, b)
+def test_solution_turns_with_the_magnetometer():
+    """Whatever direction it is blind to: the roots of a turned problem are the turned roots, within 1e-3."""
+    turns = matrices(random_quaternions(np.random.default_rng(7), 200))
+    for (up, _, field_ut), turn in zip(random_cases(8, 200, SIGMA_UT), turns, strict=True):
+        norths, costs, sensitivities = solve(up, field_ut)
+        turned = solve(turn @ up, turn @ field_ut, turn @ NORMAL)
+        assert len(turned[1]) == len(costs)
+        assert turned[1] == pytest.approx(costs, abs=1e-3)
+        if sensitivities.min() > 2.0:
+            assert turned[0] == pytest.approx(norths @ turn.T, abs=1e-3)
+
+
+def test_component_it_is_blind_to_is_not_looked_at():
+    """As large as the field itself, along a tilted direction: the roots move by no more than rounding."""
+    for up, _, field_ut in random_cases(4, 20, SIGMA_UT):
+        blind = np.array([0.1, -0.2, 1.0]) / np.linalg.norm([0.1, -0.2, 1.0])
+        right, wrong = solve(up, field_ut, blind), solve(up, field_ut + 48.0 * blind, blind)
+        assert wrong[1] == pytest.approx(right[1], abs=1e-3)
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (1e-5, 0, 1)])
