@@ -31,6 +31,18 @@ def test_run_prints_one_json_object() -> None:
     assert report["frames_per_second"] > 0
 
 
+def test_profile_says_where_the_instructions_go() -> None:
+    """Function by function they add up to those of a frame, within the rounding of a hundred functions."""
+    image = built().with_suffix(".elf")
+    result = ribbonhil("run", str(image), "--frames", "50", "--profile", "--json")
+    assert (result.returncode, result.stderr) == (0, "")
+    report = json.loads(result.stdout)
+    functions = report["instructions_by_function"]
+    assert sum(functions.values()) == pytest.approx(report["instructions_per_frame"], abs=50)
+    assert functions["fusion_update"] > 1000
+    assert list(functions.values()) == sorted(functions.values(), reverse=True)
+
+
 def test_run_of_another_boards_image_says_what_to_give() -> None:
     result = ribbonhil("run", str(built(board="feather_f405")), "--frames", "5")
     assert result.returncode == 1
@@ -48,13 +60,15 @@ def test_run_of_another_boards_image_says_what_to_give() -> None:
         (["run", "{image}", "--scene", "lake"], "lake"),
         (["run", "{image}", "--logged", "{empty}"], "NPZ"),
         (["run", "{image}", "--axes", "4"], "--axes"),
+        (["run", "{binary}", "--profile"], "ELF"),
     ],
-    ids=["absent", "empty", "large", "board", "scene", "log", "axes"],
+    ids=["absent", "empty", "large", "board", "scene", "log", "axes", "profile"],
 )
 def test_mistakes_are_one_sentence_and_exit_with_2(
     tmp_path: Path, arguments: list[str], complaint: str
 ) -> None:
     places = {"empty": tmp_path / "empty.bin", "large": tmp_path / "large.bin", "image": built()}
+    places["binary"] = built().with_suffix(".bin")
     places["empty"].write_bytes(b"")
     places["large"].write_bytes(bytes(1 << 20) + b"!")
     result = ribbonhil(*(argument.format(**places) for argument in arguments))

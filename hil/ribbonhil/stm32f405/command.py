@@ -31,7 +31,13 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="Instead of a scene: an NPZ file of what a real sensor recorded."),
     ] = None,
-    axes: Annotated[int, typer.Option(min=2, max=3, help="Of the magnetometers, for --logged.")] = 3,
+    axes: Annotated[
+        int | None,
+        typer.Option(min=2, max=3, help="Of the magnetometers.  [default: the firmware's own]"),
+    ] = None,
+    profile: Annotated[
+        bool, typer.Option(help="Count instructions by function; IMAGE must be the ELF file.")
+    ] = False,
     board: Annotated[str, typer.Option(help=f"What the image was built for: {', '.join(BOARDS)}.")] = next(
         iter(BOARDS)
     ),
@@ -53,7 +59,9 @@ def run(
     from ribbonhil.stm32f405.run import RunOptions
     from ribbonhil.stm32f405.run import run as run_image
 
-    report = run_image(RunOptions(image, scene, frames, rate, board, ribbons, ribbon, seed, noise, period))
+    report = run_image(
+        RunOptions(image, scene, frames, rate, board, ribbons, ribbon, seed, noise, period, axes, profile)
+    )
     _print(asdict(report), as_json)
     sys.exit(0 if report.is_good else 1)
 
@@ -67,6 +75,10 @@ def _print(report: dict[str, object], as_json: bool) -> None:
 
     table = Table(show_header=False, title="emulated STM32F405")
     for name, value in report.items():
-        if value not in ("", None):
+        if isinstance(value, dict):
+            for function, count in value.items():
+                if count > 0:
+                    table.add_row(function, str(count))
+        elif value not in ("", None):
             table.add_row(name.replace("_", " "), str(value))
     Console().print(table)

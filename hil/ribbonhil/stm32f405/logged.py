@@ -146,8 +146,8 @@ def local_field(log: Log) -> LocalField:
     return LocalField(float(np.sqrt(max(field_ut**2 - down_ut**2, 1.0))), down_ut)
 
 
-def run_log(image: Path, log: Log, axes: int, board: str = "pyboard_v11") -> LogReport:
-    """Plays a log to an image whose magnetometers have 2 or 3 axes.
+def run_log(image: Path, log: Log, axes: int | None, board: str = "pyboard_v11") -> LogReport:
+    """Plays a log to an image whose magnetometers have 2 or 3 axes; None: as many as it starts with.
 
     Raises RibbonError for an image that cannot be run or does not answer."""
     held = round(SET_UP_S / log.step_s)
@@ -161,9 +161,11 @@ def run_log(image: Path, log: Log, axes: int, board: str = "pyboard_v11") -> Log
     session = Session(ribbon)
     session.wait_for_info()
     local = local_field(log)
+    calibration = session.read_calibration()
+    axes = axes or calibration.mag_axes
     session.write_calibration(
         replace(
-            session.read_calibration(),
+            calibration,
             mag_axes=axes,
             created_s=1,
             field_horizontal_ut=local.horizontal_ut,

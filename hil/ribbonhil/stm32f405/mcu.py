@@ -7,6 +7,8 @@ from enum import IntEnum
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from ribbonhost.errors import RibbonError, UsageError
 
 from ribbonhil.stm32f405.boards import BOARDS, Wiring, pin_number
@@ -129,6 +131,7 @@ class Mcu:
         self._buffer = ffi.new("uint8_t[]", BUFFER_BYTES)
         self._received = bytearray()
         self._log: Any = None
+        self._profile: Any = None
 
     def __enter__(self) -> Self:
         return self
@@ -223,6 +226,16 @@ class Mcu:
     def cut_power_in_flash_operation(self, operations: int) -> None:
         """Power fails in the middle of that flash operation from now on, 1 being the next."""
         lib.mcu_cut_power_in_flash_operation(self._mcu, operations)
+
+    def start_profile(self) -> None:
+        """Starts counting instructions by where they are."""
+        self._profile = ffi.new("uint64_t[]", lib.MCU_PROFILE_COUNT)
+        lib.mcu_profile(self._mcu, self._profile)
+
+    def end_profile(self) -> NDArray[np.uint64]:
+        """Ends counting: instructions of the blocks of code that begin at each halfword of flash."""
+        lib.mcu_profile(self._mcu, ffi.NULL)
+        return np.frombuffer(ffi.buffer(self._profile), np.uint64)
 
     def start_log(self, capacity: int) -> None:
         """Starts logging what the firmware does and sees outside of itself."""

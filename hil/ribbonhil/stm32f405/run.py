@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ribbonhost.wire import CommandCode, Orient, decode
@@ -11,8 +11,9 @@ from ribbonhost.wire import CommandCode, Orient, decode
 from ribbonhil.emulated_device import drawn_device
 from ribbonhil.scenes import load_scene
 from ribbonhil.stm32f405.boards import BOARDS
-from ribbonhil.stm32f405.elf import read_image
+from ribbonhil.stm32f405.elf import read_elf, read_image
 from ribbonhil.stm32f405.image_ribbon import ImageRibbon
+from ribbonhil.stm32f405.profile import by_function
 from ribbonhil.stm32f405.replay import replay
 from ribbonhil.stm32f405.session import Session, SilentImageError
 from ribbonhil.truth import comb_truth
@@ -36,6 +37,8 @@ class RunOptions:
     seed: int = 0
     noise: float = 1.0
     period_s: float | None = None
+    axes: int | None = None  # of the magnetometers; None: what the firmware starts with
+    profile: bool = False  # needs the ELF file
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class RunReport:
     frames_per_second: emulated in a second of processor time, the comparison not counted.
     matches_host_port: the first `frames_compared` ORIENT packets equal those of the host's build of the
         firmware on the same input, byte for byte.
+    axes: of the magnetometers.
+    instructions_by_function: in a frame, most first; empty unless asked for.
     """
 
     frames: int
@@ -64,6 +69,8 @@ class RunReport:
     resets: int
     violations: int
     violation: str
+    axes: int
+    instructions_by_function: dict[str, int] = field(default_factory=dict)
 
     @property
     def is_good(self) -> bool:
@@ -77,6 +84,7 @@ def run(options: RunOptions) -> RunReport:
 
     Raises RibbonError for an image or a scene that cannot be run, or an image that does not answer."""
     truth = comb_truth(load_scene(options.scene, options.period_s), options.ribbons)
+    program = read_elf(options.image) if options.profile else None
     device = drawn_device(options.seed, options.ribbon, noise=options.noise)
     ribbon = ImageRibbon(
         read_image(options.image), truth.ribbon(options.ribbon), device, BOARDS[options.board]
@@ -89,7 +97,11 @@ def run(options: RunOptions) -> RunReport:
     if options.rate_hz is not None:
         rate_hz = session.command(CommandCode.SET_RATE, options.rate_hz).value
 
+    axes = session.set_axes(options.axes)
+    overruns = session.current_status().overruns  # of storing the calibration
     first, before = len(session.orients), ribbon.mcu.counters
+    if program is not None:
+        ribbon.mcu.start_profile()
     cpu_s, log = 0.0, None
     end_s = ribbon.now_s + 1.0 + 2.0 * options.frames / rate_hz
     while len(session.orients) - first < options.frames and ribbon.now_s < end_s:
@@ -105,13 +117,14 @@ def run(options: RunOptions) -> RunReport:
             f"{ribbon.now_s:.1f} s of virtual time"
         )
     counters = ribbon.mcu.counters
+    profile = by_function(program, ribbon.mcu.end_profile()) if program is not None else {}
     frames = len(session.orients) - first
     status = session.current_status()
     replayed = replay(*log, device.baud)
     return RunReport(
         frames=frames,
         crc_errors=session.crc_errors,
-        overruns=status.overruns,
+        overruns=status.overruns - overruns,
         bus_conflicts=ribbon.counters().conflicts,
         instructions_per_frame=round((counters.instructions - before.instructions) / frames),
         scan_us=status.scan_us,
@@ -123,6 +136,8 @@ def run(options: RunOptions) -> RunReport:
         resets=counters.resets,
         violations=counters.violations,
         violation=ribbon.mcu.violation,
+        axes=axes,
+        instructions_by_function={name: round(count / frames) for name, count in profile.items()},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from ribbonhost.errors import RibbonError
@@ -23,6 +23,7 @@ from ribbonhost.wire import (
 
 ANSWER_S = 1.5  # an erase of flash may take a second
 SLICE_S = 0.002
+SETTLE_S = 0.5  # after storing a calibration, which keeps scans from being made on time
 CHUNK_BYTES = 192  # of a calibration record in one command
 
 
@@ -123,6 +124,16 @@ class Session:
         for offset in range(0, len(record), CHUNK_BYTES):
             self.command(CommandCode.CALIBRATION_WRITE, offset, record[offset : offset + CHUNK_BYTES])
         self.command(CommandCode.CALIBRATION_COMMIT, crc32(record))
+
+    def set_axes(self, axes: int | None) -> int:
+        """Makes it a ribbon whose magnetometers have 2 or 3 axes, by its calibration; None leaves it alone.
+
+        Returns how many they have."""
+        calibration = self.read_calibration()
+        if axes is not None and axes != calibration.mag_axes:
+            self.write_calibration(replace(calibration, mag_axes=axes, created_s=1))
+            self.run_for(SETTLE_S)
+        return axes or calibration.mag_axes
 
     def current_status(self) -> Status:
         """A STATUS of this moment."""

@@ -68,6 +68,9 @@ static void on_block(uc_engine *uc, uint64_t address64, uint32_t bytes, void *us
             *cached = (uint8_t)(counted < 255 ? counted : 255);
         }
         count = *cached;
+        if (cpu->profile != NULL) {
+            cpu->profile[(address - FLASH_START) / 2] += count;
+        }
     } else {
         count = count_instructions(mcu, address, bytes);
         if (address - SYSTEM_START < SYSTEM_BYTES) {

@@ -62,6 +62,7 @@ struct cpu {
     uint64_t tick_fraction; /* in 1/256 ticks */
     uint64_t ticks_per_instruction_256;
     uint8_t instructions_of_block[FLASH_BYTES / 2]; /* by its first halfword; 0: not counted yet */
+    uint64_t *profile; /* of the owner, as mcu_profile() says; or a null pointer */
 };
 
 struct nvic {

@@ -269,6 +269,11 @@ size_t mcu_log_events(struct mcu *mcu, struct logged_event *events, size_t capac
     return logged;
 }
 
+void mcu_profile(struct mcu *mcu, uint64_t *instructions) {
+    _Static_assert(MCU_PROFILE_COUNT == FLASH_BYTES / 2, "one a halfword");
+    mcu->cpu.profile = instructions;
+}
+
 void mcu_log(struct mcu *mcu, enum logged_kind kind, uint32_t t_us, uint8_t out, uint8_t in) {
     if (mcu->log_count < mcu->log_capacity) {
         mcu->log[mcu->log_count++] =

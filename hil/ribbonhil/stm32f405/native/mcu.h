@@ -113,4 +113,9 @@ void mcu_cut_power_in_flash_operation(struct mcu *mcu, uint32_t operations);
  * does not fit is not logged. Returns how many events the log before has. */
 size_t mcu_log_events(struct mcu *mcu, struct logged_event *events, size_t capacity);
 
+/* Adds the instructions of every block of code that runs to the element of its first halfword in flash, into
+ * caller-owned memory of MCU_PROFILE_COUNT elements; until it is called with a null pointer. */
+#define MCU_PROFILE_COUNT 524288
+void mcu_profile(struct mcu *mcu, uint64_t *instructions);
+
 #endif
