@@ -114,7 +114,7 @@ def stream_virtually(
         device._send_command(9, wire.CommandCode.SET_MODE, int(wire.Mode.ORIENT), b"")
     pass_time(0.5)
     solved.clear()
-    recorder._put(-1, "recording", 1, clock.t_s, b"the stream counts from here")
+    recorder.keep(-1, "recording", 1, clock.t_s, b"the stream counts from here")
     end_s = t_s + seconds
     while t_s < end_s - 1e-9:
         for device in devices:

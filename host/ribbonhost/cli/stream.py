@@ -24,7 +24,7 @@ from ribbonhost.pipeline.header import header_of
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.pipeline.stream import Stream
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
-from ribbonhost.record import Recorder
+from ribbonhost.record import Recorder, Tape
 
 RATE_HZ = 100
 RIBBONS = 5
@@ -84,14 +84,14 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
 
         def on_event(label: str, what: str) -> None:
             output.event(label, what)
-            if recorder and label != "recording":
-                recorder.event(label, what)
+            if label != "recording":
+                tape.event(label, what)
 
         if options.record.path:
             recorder = _recorder(options.record, options.record.path, on_event)
-        devices, channels = _open(urls, options.baud, output, recorder)
-        if recorder:
-            stack.callback(recorder.close)
+        tape = Tape(recorder)
+        devices, channels = _open(urls, options.baud, output, tape)
+        stack.callback(tape.end)
         for device in devices:
             stack.callback(device.close)
         arrangement = arrange_comb(devices, comb) if comb else arrange_curves(devices)
@@ -111,9 +111,9 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
         )
         if recorder:
             recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=rate_hz, method=method))
-        _run(stream, options.seconds, stop, output, recorder)
-        if recorder:
-            recorder.close()
+        _run(stream, options.seconds, stop, output, tape)
+        tape.end()
+        for recorder in tape.recorders:
             output.recorded(recorder)
 
 
@@ -122,13 +122,13 @@ def _run(
     seconds: float | None,
     stop: threading.Event,
     output: Output,
-    recorder: Recorder | None,
+    tape: Tape,
 ) -> None:
     with ExitStack() as stack:
         stack.callback(stream.close)
         stream.start(stop)
-        if recorder:
-            recorder.count_from_here()
+        if tape.recorder:
+            tape.recorder.count_from_here()
         stack.enter_context(output)
         due_s = time.monotonic()
         end_s = due_s + seconds if seconds else float("inf")
@@ -186,7 +186,7 @@ def _recorder(options: RecordOptions, path: Path, on_event: Callable[[str, str],
 
 
 def _open(
-    urls: Sequence[str], baud: int, output: Output, recorder: Recorder | None
+    urls: Sequence[str], baud: int, output: Output, tape: Tape
 ) -> tuple[list[Device], dict[Device, int]]:
     """Opens all ports at once; also the number of each device in a recording.
 
@@ -195,7 +195,7 @@ def _open(
     devices, failures = [], []
     channels: dict[Device, int] = {}
     with ThreadPoolExecutor(len(urls)) as pool:
-        taps = [recorder.tap() if recorder else None for _ in urls]
+        taps = [tape.tap() for _ in urls]
         attempts = [
             pool.submit(open_device, url, baud=baud, observer=tap)
             for url, tap in zip(urls, taps, strict=True)

@@ -25,12 +25,14 @@ class Solved:
         places: indices of its ribbons among all, in the order of the arrays.
         node_m: (r, n, 3) positions of the nodes, metres; of a comb from the reference's anchor.
         comb: the whole frame; None of a single ribbon.
+        truth_m: where the nodes truly are, as node_m; None where that is not known.
     """
 
     match: Match
     places: tuple[int, ...]
     node_m: NDArray[np.float64]
     comb: CombFrame | None
+    truth_m: NDArray[np.float64] | None = None
 
 
 OnSolved = Callable[[Solved], None]
@@ -64,12 +66,12 @@ class CombTask:
         tally.lambda_limited += frame.lambda_limited
         self.frame = frame
         there = frame.ribbon_valid[1:]
+        truth_m = self._truth(match.t_host_s) if self._truth else None
         if frame.ribbon_valid[0] and np.count_nonzero(there) >= 2:
             tally.surfaces += 1
-            if self._truth:
-                truth_m = self._truth(match.t_host_s)[1:]
-                tally.add_error(error_percent(frame.node_m[1:][there], truth_m[there], self._length_m))
-        return Solved(match, self.places, frame.node_m, frame)
+            if truth_m is not None:
+                tally.add_error(error_percent(frame.node_m[1:][there], truth_m[1:][there], self._length_m))
+        return Solved(match, self.places, frame.node_m, frame, truth_m)
 
 
 class CurveTask:

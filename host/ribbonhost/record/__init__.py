@@ -13,6 +13,7 @@ from ribbonhost.record.reader import (
 )
 from ribbonhost.record.recorder import Recorder
 from ribbonhost.record.recover import Recovered, recover
+from ribbonhost.record.tape import Tape
 
 __all__ = [
     "Event",
@@ -26,6 +27,7 @@ __all__ = [
     "Recovered",
     "Sent",
     "Spoiled",
+    "Tape",
     "is_complete",
     "recover",
 ]

@@ -72,7 +72,7 @@ class Tap:
         self._put(self.channel, kind, next(self._numbers[kind]), t_host_s, data)
 
 
-class _Carried:
+class Carried:
     """What a new part repeats of the parts before, so that it can be replayed alone."""
 
     def __init__(self) -> None:
@@ -144,7 +144,7 @@ class Recorder:
         self._taps: list[Tap] = []
         self._event_numbers = itertools.count(1)
         self._queue: queue.SimpleQueue[_ItemT] = queue.SimpleQueue()
-        self._carried = _Carried()
+        self._carried = Carried()
         self._file: RecordingFile | None = None
         self._t_zero_ns: int | None = None
         self._warned = False
@@ -156,7 +156,7 @@ class Recorder:
 
     def tap(self) -> Tap:
         """An observer for the next device."""
-        self._taps.append(Tap(len(self._taps), self._order, self._put))
+        self._taps.append(Tap(len(self._taps), self._order, self.keep))
         return self._taps[-1]
 
     def start(self, header: Header) -> None:
@@ -170,7 +170,7 @@ class Recorder:
 
     def event(self, label: str, what: str) -> None:
         """Keeps what happened to a ribbon."""
-        self._put(-1, label, next(self._event_numbers), time.monotonic(), what.encode())
+        self.keep(-1, label, next(self._event_numbers), time.monotonic(), what.encode())
 
     def count_from_here(self) -> None:
         """All ribbons deliver: time 0 of the recording."""
@@ -211,7 +211,8 @@ class Recorder:
         self.paths.append(path)
         return file
 
-    def _put(self, ribbon: int, kind: str, number: int, t_host_s: float, data: bytes) -> None:
+    def keep(self, ribbon: int, kind: str, number: int, t_host_s: float, data: bytes) -> None:
+        """Takes a message of a channel, as the taps do; it is given up, and counted, if too many wait."""
         if self.ended:
             return
         if self._queue.qsize() < QUEUE_ITEMS:
