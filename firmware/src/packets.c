@@ -101,11 +101,19 @@ size_t packets_orient_compact(const struct app *app, uint32_t t_us, uint8_t *pac
 }
 
 size_t packets_raw(const struct app *app, uint32_t t_us, uint8_t *packet) {
+    const struct sensor_timing accel_timing = sensor_string_timing(&app->string, 0u, app->scan_us);
+    const struct sensor_timing mag_timing = sensor_string_timing(&app->string, 1u, app->scan_us);
     struct wire_raw raw = {
         .t_us = t_us,
         .sequence = app->sequence,
         .accel_count = RIBBON_NODE_COUNT,
         .mag_count = RIBBON_NODE_COUNT,
+        .accel_age_us = accel_timing.age_us,
+        .accel_period_us = accel_timing.period_us,
+        .accel_span_us = accel_timing.span_us,
+        .mag_age_us = mag_timing.age_us,
+        .mag_period_us = mag_timing.period_us,
+        .mag_span_us = mag_timing.span_us,
     };
     for (unsigned k = 0; k < RIBBON_NODE_COUNT; k++) {
         const struct slot *const accel = &app->string.slots[2u * k];

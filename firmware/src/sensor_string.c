@@ -196,3 +196,23 @@ uint32_t sensor_string_age_us(const struct sensor_string *string, unsigned slot)
     const struct part_config *const config = config_of(string, slot);
     return config->measurement_us > 0u ? string->lead_us - config->middle_us : config->middle_us;
 }
+
+static uint16_t at_most_u16(uint32_t value) {
+    return value < UINT16_MAX ? (uint16_t)value : UINT16_MAX;
+}
+
+struct sensor_timing sensor_string_timing(const struct sensor_string *string, unsigned first,
+                                          uint32_t scan_us) {
+    unsigned slot = first;
+    while (slot < RIBBON_SLOT_COUNT && !string->slots[slot].is_found)
+        slot += 2u;
+    if (slot >= RIBBON_SLOT_COUNT)
+        return (struct sensor_timing){0};
+    const struct part_config *const config = config_of(string, slot);
+    const bool is_asked = config->measurement_us > 0u;
+    return (struct sensor_timing){
+        .age_us = at_most_u16(sensor_string_age_us(string, slot) + scan_us / 2u),
+        .period_us = is_asked ? 0u : at_most_u16((uint32_t)(1e6f / config->sample_hz)),
+        .span_us = at_most_u16(config->span_us),
+    };
+}

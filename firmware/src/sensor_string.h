@@ -46,4 +46,16 @@ float sensor_string_noise(const struct sensor_string *string, unsigned slot);
 /* How old the middle of a slot's sample is when the scan begins, microseconds. */
 uint32_t sensor_string_age_us(const struct sensor_string *string, unsigned slot);
 
+/* When the readings of a kind of sensor are taken, as RAW tells it. */
+struct sensor_timing {
+    uint16_t age_us;    /* at the end of a scan */
+    uint16_t period_us; /* 0: measured when the scan asks for it */
+    uint16_t span_us;
+};
+
+/* That of the first part found among the slots `first`, `first` + 2 ..., 0 for the accelerometers and 1 for
+ * the magnetometers; all 0 if there is none. scan_us: how long the scan took. */
+struct sensor_timing sensor_string_timing(const struct sensor_string *string, unsigned first,
+                                          uint32_t scan_us);
+
 #endif

@@ -18,9 +18,9 @@
 #include <stdint.h>
 #include <string.h>
 
-#define WIRE_VERSION             1
+#define WIRE_VERSION             2
 #define WIRE_OLDEST_HOST_VERSION 1
-#define WIRE_SCHEMA_HASH         0xC74D4899u
+#define WIRE_SCHEMA_HASH         0x9FC03E2Cu
 #define WIRE_MAX_PACKET_BYTES    576u
 #define WIRE_NODE_MAX            32u
 #define WIRE_SLOT_MAX            64u
@@ -235,8 +235,8 @@ enum wire_quality {
 #define WIRE_ORIENT_MAX_BYTES         232u
 #define WIRE_ORIENT_COMPACT_MIN_BYTES 8u
 #define WIRE_ORIENT_COMPACT_MAX_BYTES 168u
-#define WIRE_RAW_MIN_BYTES            9u
-#define WIRE_RAW_MAX_BYTES            553u
+#define WIRE_RAW_MIN_BYTES            21u
+#define WIRE_RAW_MAX_BYTES            565u
 #define WIRE_STATUS_MIN_BYTES         55u
 #define WIRE_STATUS_MAX_BYTES         247u
 #define WIRE_COMMAND_MIN_BYTES        9u
@@ -429,6 +429,20 @@ struct wire_raw {
     struct wire_accel_raw accels[WIRE_NODE_MAX];
     /* from the connector outward */
     struct wire_mag_raw mags[WIRE_NODE_MAX];
+    /* how old the accelerometers' readings are at t_us, on average: since the middle of the time that a
+     * reading is a mean over (us) */
+    uint16_t accel_age_us;
+    /* between samples of accelerometers that sample by clocks of their own: the age is up to half of it
+     * more or less; 0: they sample when the scan tells them to (us) */
+    uint16_t accel_period_us;
+    /* time that a reading of an accelerometer is a mean over (us) */
+    uint16_t accel_span_us;
+    /* the same of the magnetometers (us) */
+    uint16_t mag_age_us;
+    /* the same of the magnetometers (us) */
+    uint16_t mag_period_us;
+    /* the same of the magnetometers (us) */
+    uint16_t mag_span_us;
 };
 
 /* Health, once a second and on get_status. Counters run since start and wrap. */
@@ -1018,6 +1032,12 @@ static inline size_t wire_raw_pack(const struct wire_raw *raw, uint8_t *out, siz
         out = wire_put_accel_raw(out, &raw->accels[i]);
     for (unsigned i = 0; i < raw->mag_count; i++)
         out = wire_put_mag_raw(out, &raw->mags[i]);
+    out = wire_put_u16(out, raw->accel_age_us);
+    out = wire_put_u16(out, raw->accel_period_us);
+    out = wire_put_u16(out, raw->accel_span_us);
+    out = wire_put_u16(out, raw->mag_age_us);
+    out = wire_put_u16(out, raw->mag_period_us);
+    wire_put_u16(out, raw->mag_span_us);
     return size;
 }
 
@@ -1037,6 +1057,12 @@ static inline int wire_raw_unpack(const uint8_t *packet, size_t n, struct wire_r
         return WIRE_ERROR_COUNT;
     for (unsigned i = 0; i < raw->mag_count; i++)
         wire_get_mag_raw(reader, &raw->mags[i]);
+    raw->accel_age_us = (uint16_t)wire_get(reader, 2);
+    raw->accel_period_us = (uint16_t)wire_get(reader, 2);
+    raw->accel_span_us = (uint16_t)wire_get(reader, 2);
+    raw->mag_age_us = (uint16_t)wire_get(reader, 2);
+    raw->mag_period_us = (uint16_t)wire_get(reader, 2);
+    raw->mag_span_us = (uint16_t)wire_get(reader, 2);
     return whole.truncated ? WIRE_ERROR_TRUNCATED : (int)(n - whole.left);
 }
 

@@ -208,9 +208,9 @@ def _smallest_three_inverse(
     return parts[np.arange(len(words))[:, np.newaxis], _PLACES[words & 3]], valid
 
 
-WIRE_VERSION = 1
+WIRE_VERSION = 2
 OLDEST_HOST_VERSION = 1
-SCHEMA_HASH = 0xC74D4899
+SCHEMA_HASH = 0x9FC03E2C
 MAX_PACKET_BYTES = 576
 NODE_MAX = 32
 SLOT_MAX = 64
@@ -650,12 +650,26 @@ class Raw:
     sequence: as in ORIENT
     accels: from the connector outward
     mags: from the connector outward
+    accel_age_us: us; how old the accelerometers' readings are at t_us, on average: since the middle of
+        the time that a reading is a mean over
+    accel_period_us: us; between samples of accelerometers that sample by clocks of their own: the age is
+        up to half of it more or less; 0: they sample when the scan tells them to
+    accel_span_us: us; time that a reading of an accelerometer is a mean over
+    mag_age_us: us; the same of the magnetometers
+    mag_period_us: us; the same of the magnetometers
+    mag_span_us: us; the same of the magnetometers
     """
 
     t_us: int
     sequence: int
     accels: AccelRawArray
     mags: MagRawArray
+    accel_age_us: int
+    accel_period_us: int
+    accel_span_us: int
+    mag_age_us: int
+    mag_period_us: int
+    mag_span_us: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -1206,6 +1220,7 @@ def _decode_orient_compact(octets: bytes) -> tuple[OrientCompact, int]:
 
 
 _RAW_FIXED = struct.Struct("<BIHBB")
+_RAW_FIXED_3 = struct.Struct("<HHHHHH")
 
 
 def _encode_raw(raw: Raw) -> bytes:
@@ -1221,6 +1236,14 @@ def _encode_raw(raw: Raw) -> bytes:
         ),
         _write_accel_raw(raw.accels, accel_count, "Raw.accels"),
         _write_mag_raw(raw.mags, mag_count, "Raw.mags"),
+        _RAW_FIXED_3.pack(
+            _checked_int(raw.accel_age_us, 0, 65535, "Raw.accel_age_us"),
+            _checked_int(raw.accel_period_us, 0, 65535, "Raw.accel_period_us"),
+            _checked_int(raw.accel_span_us, 0, 65535, "Raw.accel_span_us"),
+            _checked_int(raw.mag_age_us, 0, 65535, "Raw.mag_age_us"),
+            _checked_int(raw.mag_period_us, 0, 65535, "Raw.mag_period_us"),
+            _checked_int(raw.mag_span_us, 0, 65535, "Raw.mag_span_us"),
+        ),
     ]
     return b"".join(pieces)
 
@@ -1241,11 +1264,26 @@ def _decode_raw(octets: bytes) -> tuple[Raw, int]:
     end = _end_of_items(octets, at, mag_count, NODE_MAX, _MAG_RAW.itemsize, "Raw")
     mags = _read_mag_raw(octets, at, mag_count)
     at = end
+    (
+        accel_age_us,
+        accel_period_us,
+        accel_span_us,
+        mag_age_us,
+        mag_period_us,
+        mag_span_us,
+    ) = _take_fixed(_RAW_FIXED_3, octets, at, "Raw")
+    at += _RAW_FIXED_3.size
     raw = Raw(
         t_us=t_us,
         sequence=sequence,
         accels=accels,
         mags=mags,
+        accel_age_us=accel_age_us,
+        accel_period_us=accel_period_us,
+        accel_span_us=accel_span_us,
+        mag_age_us=mag_age_us,
+        mag_period_us=mag_period_us,
+        mag_span_us=mag_span_us,
     )
     return raw, len(octets) - at
 

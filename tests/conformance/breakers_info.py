@@ -70,7 +70,7 @@ alters(
 )
 alters(
     "versions_are_consistent",
-    "oldest_host_version <= 1, saw 0",
+    f"oldest_host_version <= {wire.WIRE_VERSION}, saw 0",
     "info",
     lambda info, _: {"oldest_host_version": 0},
 )

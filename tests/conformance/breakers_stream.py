@@ -161,6 +161,10 @@ alters(
 )
 
 
+alters("raw_ages_can_be", "saw 12000", "raw", lambda raw, _: {"accel_age_us": 12_000})
+alters("raw_ages_can_be", "saw 15000", "raw", lambda raw, _: {"mag_age_us": 15_000})
+
+
 @breaks("raw_reasons_are_legal", "ok in 5")
 class AbsentSlotIsOkInRaw(Responder):
     absent_slots = (5,)

@@ -159,4 +159,10 @@ class RibbonState:
             self.sequence,
             wire.AccelRawArray(reasons[::2], counts[::2]),
             wire.MagRawArray(reasons[1::2], counts[1::2]),
+            accel_age_us=15_500,
+            accel_period_us=5_000,
+            accel_span_us=25_000,
+            mag_age_us=4_000,
+            mag_period_us=0,
+            mag_span_us=4_000,
         )

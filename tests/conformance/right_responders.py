@@ -51,7 +51,9 @@ class Newer(Responder):
         parts = info.slots.part.copy()
         parts[3] = 200
         slots = dataclasses.replace(info.slots, part=parts)
-        return dataclasses.replace(info, wire_version=2, schema_hash=0x12345678, board=77, slots=slots)
+        return dataclasses.replace(
+            info, wire_version=wire.WIRE_VERSION + 1, schema_hash=0x12345678, board=77, slots=slots
+        )
 
     def status(self) -> wire.Status:
         self.transmit(encode_frame(b"\x55 a packet of a later version"))

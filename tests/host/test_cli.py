@@ -14,7 +14,7 @@ import pytest
 from host.fake_ribbon import FakeRibbon, served
 from ribbonhost import cli
 from ribbonhost.comb import Comb, CombRibbon
-from ribbonhost.wire import CommandCode
+from ribbonhost.wire import WIRE_VERSION, CommandCode
 
 COMMAND = [sys.executable, "-c", "from ribbonhost.cli import main; main()"]
 SERIALS = [f"{i:024x}" for i in range(1, 4)]
@@ -172,10 +172,10 @@ def test_a_rate_that_a_ribbon_cannot_do_is_wrong_usage(
 
 
 def test_a_later_schema_is_noted(run: Run, urls: list[str], fakes: list[FakeRibbon]) -> None:
-    fakes[0].info_changes = {"wire_version": 2, "schema_hash": 1}
+    fakes[0].info_changes = {"wire_version": WIRE_VERSION + 1, "schema_hash": 1}
     code, _, err = run("stream", *urls[:1], "--seconds", 0.2)
     assert code == 0
-    assert "speaks wire version 2 with another schema" in err
+    assert f"speaks wire version {WIRE_VERSION + 1} with another schema" in err
 
 
 def test_the_last_ribbon_that_vanishes_ends_it_with_a_failure(

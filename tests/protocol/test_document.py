@@ -56,7 +56,7 @@ def test_sizes_that_the_text_tells_are_right() -> None:
 
     def packet_bytes(name: str, **counts: int) -> int:
         structs = {"nodes": {"orient": 7, "orient_compact": 5}.get(name, 0), "accels": 7, "mags": 10}
-        fixed = {"orient": 8, "orient_compact": 8, "raw": 9}[name]
+        fixed = {"orient": 8, "orient_compact": 8, "raw": 9 + 6 * 2}[name]
         return fixed + sum(structs[array] * n for array, n in counts.items())
 
     orient = frame_bytes(packet_bytes("orient", nodes=16))

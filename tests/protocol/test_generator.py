@@ -124,8 +124,8 @@ BROKEN = {
     "missing prose": ((', doc = "comes back" }', " }"), "lacks 'doc'"),
     "scale without invalid": ((', invalid = -32768, doc = "of the MCU', ', doc = "of the MCU'), "as invalid"),
     "packet beyond its limit": (
-        ("max_packet_bytes = 576", "max_packet_bytes = 552"),
-        "can be 553 bytes long",
+        ("max_packet_bytes = 576", "max_packet_bytes = 564"),
+        "can be 565 bytes long",
     ),
     "array of numbers in a packet": (
         ('{ name = "scan_us", type = "u16",', '{ name = "scan_us", type = "u16", count = 2,'),
@@ -176,7 +176,7 @@ PROSE = {
     "doc of a packet": ('doc = "ORIENT for slow links."', 'doc = "For slow links."'),
     "doc of a value": ('doc = "power applied"', 'doc = "power came"'),
     "unit": ('unit = "us", doc = "as in ORIENT"', 'unit = "microseconds", doc = "as in ORIENT"'),
-    "version": ("\nversion = 1", "\nversion = 2"),
+    "version": ("\nversion = 2", "\nversion = 3"),
     "range": ("range = [1, 200]", "range = [1, 250]"),
 }
 LAYOUT = {

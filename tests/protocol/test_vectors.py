@@ -53,7 +53,7 @@ def test_bytes_worked_by_hand_are_in_the_file() -> None:
     ) + 32 * (word.to_bytes(6, "little") + b"\xff")
     # Each item: reason 0, three times the least number of 16 and of 24 bits.
     assert golden("raw", "smallest values, one item") == bytes.fromhex(
-        "04 00000000 0000 01 01  00 0080 0080 0080  00 000080 000080 000080"
+        "04 00000000 0000 01 01  00 0080 0080 0080  00 000080 000080 000080  0000 0000 0000 0000 0000 0000"
     )
     # temperature_c is 327.67 degrees, 0x7fff hundredths of one.
     assert golden("status", "largest values, all items") == (

@@ -36,5 +36,6 @@ void hmc5983_configure(uint32_t rate_hz, struct part_config *config) {
         .measurement_us = is_single ? HMC5983_MEASUREMENT_US + HMC5983_MEASUREMENT_US / 10u : 0u,
         /* Continuous: half a measurement, and half of the time until the next one. */
         .middle_us = is_single ? HMC5983_MEASUREMENT_US / 2u : HMC5983_MEASUREMENT_US,
+        .span_us = HMC5983_MEASUREMENT_US,
     };
 }

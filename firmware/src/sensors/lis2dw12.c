@@ -62,15 +62,16 @@ void lis2dw12_configure(uint32_t rate_hz, uint32_t range_g, struct part_config *
     const uint8_t odr = odr_code(rate_hz);
     const uint8_t bandwidth = bandwidth_code(ODR_MILLIHZ[odr]);
     const uint8_t range = range_code(range_g);
+    const uint32_t averaged = DIVISOR[bandwidth] / 2u; /* a mean over so many samples has this bandwidth */
+    const float sample_us = 1e9f / (float)ODR_MILLIHZ[odr];
     const float bandwidth_hz = 0.001f * (float)ODR_MILLIHZ[odr] / (float)DIVISOR[bandwidth];
 
     *config = (struct part_config){
         .lsb = 0.001f * LIS2DW12_MG_PER_COUNT_2G * (float)(1u << range) * STANDARD_GRAVITY_MPS2,
         .noise = 1e-6f * LIS2DW12_NOISE_UG_RTHZ * sqrtf(bandwidth_hz) * STANDARD_GRAVITY_MPS2,
         .sample_hz = 0.001f * (float)ODR_MILLIHZ[odr],
-        /* A mean over so many samples has this bandwidth; half of them, and half of the time until the next.
-         */
-        .middle_us = (DIVISOR[bandwidth] / 2u + 1u) * 500000000u / ODR_MILLIHZ[odr],
+        .middle_us = (uint32_t)(0.5f * (float)(averaged + 1u) * sample_us), /* half until the next one */
+        .span_us = (uint32_t)((float)averaged * sample_us),
     };
     uint8_t *const registers = config->registers;
     registers[LIS2DW12_CTRL1 - CONFIG_FIRST] =

@@ -40,5 +40,6 @@ void mmc5983ma_configure(uint32_t rate_hz, struct part_config *config) {
         /* The data sheet's times are typical ones. */
         .measurement_us = MEASUREMENT_US[bandwidth] + MEASUREMENT_US[bandwidth] / 10u,
         .middle_us = MEASUREMENT_US[bandwidth] / 2u,
+        .span_us = MEASUREMENT_US[bandwidth],
     };
 }

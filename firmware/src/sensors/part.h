@@ -54,6 +54,7 @@ struct part_config {
     /* From the trigger to the middle of what the sample is a mean of; without trigger from there to when the
      * sample is read, on average. */
     uint32_t middle_us;
+    uint32_t span_us; /* that a sample is a mean over */
 };
 
 /* One burst, decoded. */

@@ -10,7 +10,7 @@ from ribbonhost.bench.motion_trouble import at_sensors, dead_slots, on_the_way
 from ribbonhost.bench.motion_truth import STEP_S, Case, Truth, make_truth
 from ribbonhost.framing import Deframer, encode_frame
 from ribbonhost.motion import MotionParams, Samples
-from ribbonhost.motion.scans import params_of, samples_of
+from ribbonhost.motion.scans import Timing, params_of, samples_of
 
 RATE_HZ = 100
 START_UP_S = 1.0
@@ -55,11 +55,11 @@ def record(case: Case) -> Recording:
     return Recording(on_the_way(case, samples[first:]), truth, params)
 
 
-def run_ribbon(ribbon: Any, until_s: float) -> list[object]:
-    """Lets an EmulatedRibbon send RAW and ORIENT at RATE_HZ until a true time; returns its packets."""
+def run_ribbon(ribbon: Any, until_s: float, rate_hz: int = RATE_HZ) -> list[object]:
+    """Lets an EmulatedRibbon send RAW and ORIENT at a rate until a true time; returns its packets."""
     ribbon.run_until(0.3)
     for tag, code, argument in (
-        (1, wire.CommandCode.SET_RATE, RATE_HZ),
+        (1, wire.CommandCode.SET_RATE, rate_hz),
         (2, wire.CommandCode.SET_MODE, wire.Mode.ORIENT | wire.Mode.RAW),
         (3, wire.CommandCode.GET_INFO, 0),
     ):
@@ -74,4 +74,4 @@ def collect(packets: list[object]) -> tuple[Samples, MotionParams]:
     orients = {p.sequence: p for p in packets if isinstance(p, wire.Orient)}
     scans = [(p, orients[p.sequence]) for p in packets if isinstance(p, wire.Raw) and p.sequence in orients]
     t_s = np.array([raw.t_us for raw, _ in scans]) * 1e-6 - START_UP_S
-    return samples_of(info, scans, t_s), params_of(info)
+    return samples_of(info, scans, t_s), params_of(info, Timing.of(scans[-1][0]))

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ribbonhost.bench.motion_cases import Goal
-from ribbonhost.bench.motion_chain import RATE_HZ, Recording, record
+from ribbonhost.bench.motion_chain import Recording, record
 from ribbonhost.bench.motion_trouble import HOLE_S
 from ribbonhost.bench.motion_truth import Bool, Float64, Truth
 from ribbonhost.motion import LiveMotion, Motion, MotionParams, smooth_recording
-from ribbonhost.motion.scans import timing
 from ribbonhost.reconstruct.ribbon import RibbonSolver
 
 COUNTED_S = 1.0
@@ -133,7 +132,7 @@ def lagged_percent(recording: Recording, params: MotionParams) -> float:
 
 
 def level_percent(recording: Recording) -> Float64:
-    """(T,) the same for the level reading, at the age between none and 20 ms that suits it best."""
+    """(T,) the same for the level reading, at the age, from about none to 20 ms, that suits it best."""
     samples, truth = recording.samples, recording.truth
     solver = RibbonSolver(truth.pitch_m, samples.level_q.shape[1])
     there = samples.level_valid.any(axis=1)
@@ -141,8 +140,8 @@ def level_percent(recording: Recording) -> Float64:
     q = np.where(samples.level_valid[..., None], samples.level_q, np.array([1.0, 0.0, 0.0, 0.0]))
     position_m[there] = solver.solve(q[there], samples.level_valid[there])
     candidates = [
-        error_percent(position_m, truth, samples.t_s + timing(RATE_HZ).force_age_s - age_s)
-        for age_s in np.arange(0, 0.021, 0.005)
+        error_percent(position_m, truth, samples.t_s + ahead_s)
+        for ahead_s in np.arange(-0.0045, 0.016, 0.005)
     ]
     return min(candidates, key=lambda error: float(np.nanmean(error)))
 

@@ -95,6 +95,26 @@ def raw_reasons_are_legal(device: Device) -> None:
         raise BrokenRuleError("a reason but ok: no part", f"ok in {missing[slot]}", raw.frames[index].coded)
 
 
+@GROUP.check("RAW")
+def raw_ages_can_be(device: Device) -> None:
+    """A reading is older than half of its span, and by at most its own period and that of scans."""
+    recording = both(device)
+    scans(recording, Raw)
+    period_us = 1e6 / recording.rate_hz
+    for frame, raw in recording.of(Raw):
+        for kind in ("accel", "mag"):
+            age_us, own_us, span_us = (
+                getattr(raw, f"{kind}_{name}_us") for name in ("age", "period", "span")
+            )
+            low_us, high_us = span_us / 2, span_us / 2 + own_us + period_us
+            expect(
+                low_us <= age_us <= high_us,
+                f"{kind}_age_us from {low_us:.0f} to {high_us:.0f}",
+                age_us,
+                frame,
+            )
+
+
 @GROUP.check("STATUS")
 def slot_errors_count_unusable_readings(device: Device) -> None:
     """The errors of a slot in STATUS rise by the scans in which RAW has no usable reading of it."""
