@@ -8,6 +8,9 @@
 
 /* A part that was not usable for so long is looked for anew. */
 static const uint32_t UNUSABLE_MAX_US = 500000u;
+/* One that reads well what only does not fit in with the others is seldom cured by that, and a calibration
+ * needs its readings without gaps. */
+static const uint32_t OUT_OF_RANGE_MAX_US = 60000000u;
 
 /* A new sample is overdue after so many sample periods of the part. */
 static const float STALE_PERIODS = 4.0f;
@@ -48,7 +51,9 @@ const struct part *slot_part(const struct slot *slot) {
 }
 
 const int32_t *slot_reading(const struct slot *slot) {
-    return slot->reason == WIRE_SLOT_REASON_OK ? slot->counts : slot->as_read;
+    const bool is_sample =
+        slot->reason == WIRE_SLOT_REASON_OK || slot->reason == WIRE_SLOT_REASON_OUT_OF_RANGE;
+    return is_sample && slot->has_sample ? slot->counts : slot->as_read;
 }
 
 void slot_reconfigure(struct slot *slot, uint32_t now_us) {
@@ -277,6 +282,8 @@ void slot_judge(struct slot *slot, uint32_t now_us) {
     }
     if (slot->errors < UINT16_MAX)
         slot->errors++;
-    if (slot->state == SLOT_RUN && now_us - slot->usable_us > UNUSABLE_MAX_US)
+    const uint32_t unusable_max_us =
+        slot->reason == WIRE_SLOT_REASON_OUT_OF_RANGE ? OUT_OF_RANGE_MAX_US : UNUSABLE_MAX_US;
+    if (slot->state == SLOT_RUN && now_us - slot->usable_us > unusable_max_us)
         slot_lose(slot, false, now_us);
 }

@@ -104,7 +104,8 @@ void slot_judge(struct slot *slot, uint32_t now_us);
 /* Tells a running part that the rate changed. */
 void slot_reconfigure(struct slot *slot, uint32_t now_us);
 
-/* x, y, z counts of the scan: as used if the slot is usable, else as read. */
+/* x, y, z counts of the scan: as used if the slot is usable or only does not fit in with the others, else as
+ * read. */
 const int32_t *slot_reading(const struct slot *slot);
 
 #endif

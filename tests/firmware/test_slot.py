@@ -265,3 +265,17 @@ def test_implausible_reading_keeps_a_slot_out_for_a_while():
     reasons = b.run(0.5)
     assert reasons[:29] == [SlotReason.NOISY] * 29
     assert reasons[-1] == SlotReason.OK
+
+
+def test_reading_that_only_does_not_fit_in_is_still_told_without_a_gap():
+    """Parts off the shelf differ by more than a calibrated ribbon's: what calibrates them must read them."""
+    part = Part(MMC5983MA)
+    b = bench(part)
+    b.run(0.5)
+    begun = len(part.log)
+    for _ in range(round(2.0e6 / PERIOD_US)):
+        lib.slot_mark_implausible(b.slot, False, b.now_us)
+        assert b.scan() == SlotReason.OUT_OF_RANGE
+        assert list(lib.slot_reading(b.slot)[0:3]) == pytest.approx([3000, -6000, 10], abs=12)
+    reset = bytes(lib.PARTS[MMC5983MA].reset)
+    assert reset not in part.log[begun:]
