@@ -15,6 +15,17 @@ from ribbonhil.stm32f405.command import run
 SceneArgument = Annotated[
     str, typer.Argument(metavar="SCENE", help="Surface: sea, wing, breath, or a Python file.")
 ]
+PlaceArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE",
+        help="Surface: sea, wing, breath, or a Python file; bar, rest: handled for a calibration.",
+    ),
+]
+PartErrorsOption = Annotated[
+    int | None,
+    typer.Option(min=0, metavar="SEED", help="Errors of parts off the shelf.  [default: none]"),
+]
 RibbonsOption = Annotated[int, typer.Option(min=2, max=6, help="Ribbons on the reference.")]
 PeriodOption = Annotated[
     float | None,
@@ -42,7 +53,7 @@ def _ribbonhil() -> None:
 
 @app.command(epilog="Example: ribbonhil serve wing --ribbons 5")
 def serve(
-    scene: SceneArgument,
+    scene: PlaceArgument,
     ribbons: RibbonsOption = 5,
     rate: Annotated[
         int, typer.Option(min=1, max=200, help="Scans a second, until a host asks for others.")
@@ -50,6 +61,14 @@ def serve(
     seed: Annotated[int, typer.Option(min=0, help="Of noise, clocks and serial numbers.")] = 0,
     period: PeriodOption = None,
     noise: Annotated[float, typer.Option(min=0.0, help="Times the noise of the parts' data sheets.")] = 1.0,
+    part_errors: PartErrorsOption = None,
+    warming: Annotated[float, typer.Option(metavar="C", help="By how much the parts warm up.")] = 0.0,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND:...", help="A magnet, a steel beam, a magnet that is carried; repeatable."
+        ),
+    ] = None,
     image: Annotated[
         Path | None,
         typer.Option(metavar="IMAGE", help="Run an STM32F405 image (ribbon.bin) in place of the module."),
@@ -84,6 +103,9 @@ def serve(
         seed=seed,
         period_s=period,
         noise=noise,
+        part_errors=part_errors,
+        warming_c=warming,
+        disturb=";".join(disturb or ()),
         image="" if image is None else str(image),
         board=board,
         use_tcp=os.name != "posix" if pty is None else not pty,
@@ -135,6 +157,18 @@ def truth(
         output, surface.name, comb_truth(surface, ribbons, field), field, rate, seconds, replace=force
     )
     print(f"{output}: {count} instants of {ribbons + 1} ribbons on {surface.name}")
+
+
+@app.command("part-errors", epilog="Example: ribbonhil part-errors 7 --ribbon 1")
+def part_errors_command(
+    seed: Annotated[int, typer.Argument(metavar="SEED", help="As given to --part-errors.")],
+    ribbon: Annotated[int, typer.Option(min=0, max=6, help="Of the comb; 0: the reference.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Show what is wrong with the parts of an emulated ribbon."""
+    from ribbonhil.part_errors_command import show_part_errors
+
+    show_part_errors(seed, ribbon, as_json=as_json)
 
 
 app.command(epilog="Example: ribbonhil conformance /dev/ttyACM0")(conformance)

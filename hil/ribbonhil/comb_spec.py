@@ -6,6 +6,7 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from ribbonhost.errors import UsageError
 
+from ribbonhil.disturbances import Disturbance, parse_disturbance
 from ribbonhil.faults import NO_FAULTS, LinkFaults
 
 SCHEME = "emulated"
@@ -24,6 +25,9 @@ class CombSpec:
     baud: of each device's link, bits a second.
     image: path of an STM32F405 image that runs in place of the firmware as a module; its clock is exact.
     board: that the image was built for.
+    part_errors: seed of what is wrong with the parts; None: they are ideal, noise aside.
+    warming_c: by how much the ribbons warm up after they are powered up.
+    disturb: what disturbs the earth's field, see disturbances.FORM; several with semicolons between.
     """
 
     scene: str = "wing"
@@ -37,6 +41,9 @@ class CombSpec:
     baud: int = 921_600
     image: str = ""
     board: str = "pyboard_v11"
+    part_errors: int | None = None
+    warming_c: float = 0.0
+    disturb: str = ""
 
     def __post_init__(self) -> None:
         """Raises UsageError for values that make no comb."""
@@ -47,12 +54,17 @@ class CombSpec:
             "field_ut": (0.0, 1000.0),
             "clock_ppm": (0.0, 10_000.0),
             "baud": (1200, 12_000_000),
+            "warming_c": (-100.0, 100.0),
+            "part_errors": (0, 2**31 - 1),
         }
         for name, (lowest, highest) in limits.items():
-            if not lowest <= getattr(self, name) <= highest:
-                raise UsageError(
-                    f"{name} = {getattr(self, name):g} is not between {lowest:g} and {highest:g}"
-                )
+            value = getattr(self, name)
+            if value is not None and not lowest <= value <= highest:
+                raise UsageError(f"{name} = {value:g} is not between {lowest:g} and {highest:g}")
+
+    def disturbances(self) -> tuple[Disturbance, ...]:
+        """What disturbs the field. Raises UsageError for a text that says nothing."""
+        return tuple(parse_disturbance(text) for text in self.disturb.split(";") if text)
 
     def url(self, index: int, faults: LinkFaults = NO_FAULTS) -> str:
         """Where ribbon `index` can be opened; 0 is the reference."""
@@ -100,10 +112,10 @@ def parse_url(url: str) -> Address:
     return Address(spec, int(place), LinkFaults(**faults))
 
 
-_TEXTS = {"image", "board"}
+_TEXTS = {"image", "board", "disturb"}
 _COMB_NUMBERS = {f.name for f in fields(CombSpec)} - _TEXTS - {"scene"}
 _FAULT_NUMBERS = {f.name for f in fields(LinkFaults)}
-_WHOLE = {"ribbons", "seed", "baud"}
+_WHOLE = {"ribbons", "seed", "baud", "part_errors"}
 
 
 def _number(name: str, text: str) -> float:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ribbonhil._firmware import lib
+from ribbonhil.part_errors import PartErrors, drawn_errors
 from ribbonhil.truth import SLOT_COUNT
 
 BAUD = 921_600
+WARMING_S = 120.0
 PARTS = (lib.WIRE_PART_LIS2DW12, lib.WIRE_PART_MMC5983MA) * (SLOT_COUNT // 2)
 
 
@@ -19,7 +21,9 @@ class Device:
     noise: times the noise of the data sheets.
     clock_ppm: by which its clock is fast.
     clock_offset_us: what its clock shows at power-up.
+    temperature_c: when it is powered up; it rises by warming_c with a time constant of warming_s.
     parts: of each slot, a wire.Part each.
+    errors: of those parts; None: they are ideal, noise aside.
     """
 
     seed: int = 0
@@ -29,7 +33,10 @@ class Device:
     clock_offset_us: int = 0
     baud: int = BAUD
     temperature_c: float = 25.0
+    warming_c: float = 0.0
+    warming_s: float = WARMING_S
     parts: tuple[int, ...] = PARTS
+    errors: PartErrors | None = None
 
     @property
     def serial(self) -> str:
@@ -38,9 +45,19 @@ class Device:
 
 
 def drawn_device(
-    seed: int, index: int, *, noise: float = 1.0, clock_ppm_max: float = 20.0, baud: int = BAUD
+    seed: int,
+    index: int,
+    *,
+    noise: float = 1.0,
+    clock_ppm_max: float = 20.0,
+    baud: int = BAUD,
+    part_errors: int | None = None,
+    warming_c: float = 0.0,
 ) -> Device:
-    """The device at a place of a comb: unique id, clock and sensors drawn from the comb's seed."""
+    """The device at a place of a comb: unique id, clock and sensors drawn from the comb's seed.
+
+    part_errors: the seed of what is wrong with its parts; None: nothing is.
+    """
     random = np.random.default_rng([seed, index])
     return Device(
         seed=int(random.integers(2**63)),
@@ -49,4 +66,6 @@ def drawn_device(
         clock_ppm=float(random.uniform(-clock_ppm_max, clock_ppm_max)),
         clock_offset_us=int(random.integers(2**32)),
         baud=baud,
+        warming_c=warming_c,
+        errors=None if part_errors is None else drawn_errors(part_errors, index, PARTS),
     )

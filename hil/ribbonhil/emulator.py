@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -10,12 +10,14 @@ import numpy as np
 from ribbonhost.errors import LinkError
 
 from ribbonhil.comb_spec import CombSpec
+from ribbonhil.disturbances import Disturbance
 from ribbonhil.emulated_device import Device, drawn_device
 from ribbonhil.faults import NO_FAULTS, Fault, FaultyLine, LinkFaults
 from ribbonhil.ribbon import EmulatedRibbon
-from ribbonhil.scenes import Array, load_scene
+from ribbonhil.scenes import Array
 from ribbonhil.sensor_string import BusCounters
-from ribbonhil.truth import CombTruth, Field, RibbonTruth, comb_truth
+from ribbonhil.truth import CombTruth, Field, RibbonTruth
+from ribbonhil.world import disturbed, load_world, world_truth
 
 __all__ = ["EmulatedComb", "EmulatedRibbon", "Line"]
 
@@ -37,6 +39,7 @@ class _Ribbon(Protocol):
     def read(self) -> bytes: ...
     def add_fault(self, fault: Fault) -> None: ...
     def counters(self) -> BusCounters: ...
+    def feel(self, truth: RibbonTruth) -> None: ...
 
 
 class Line:
@@ -134,18 +137,23 @@ class _World:
     def __init__(self, spec: CombSpec) -> None:
         self.spec = spec
         self.users = 0
-        scene = load_scene(spec.scene, spec.period_s)
-        self.truth: CombTruth = comb_truth(scene, spec.ribbons, Field(spec.dip_deg, spec.field_ut))
-        self.ribbons = [
-            _new_ribbon(
-                spec,
-                self.truth.ribbon(index),
-                drawn_device(
-                    spec.seed, index, noise=spec.noise, clock_ppm_max=spec.clock_ppm, baud=spec.baud
-                ),
+        devices = [
+            drawn_device(
+                spec.seed,
+                index,
+                noise=spec.noise,
+                clock_ppm_max=spec.clock_ppm,
+                baud=spec.baud,
+                part_errors=spec.part_errors,
+                warming_c=spec.warming_c,
             )
             for index in range(spec.ribbons + 1)
         ]
+        earth = Field(spec.dip_deg, spec.field_ut)
+        world = load_world(spec.scene, spec.period_s)
+        self.truth: CombTruth = world_truth(world, spec.ribbons, earth, devices=devices)
+        felt = disturbed(self.truth, earth, spec.disturbances())
+        self.ribbons = [_new_ribbon(spec, felt.ribbon(index), device) for index, device in enumerate(devices)]
         self._lines: list[Line | None] = [None] * len(self.ribbons)
         self._due_s = [0.0] * len(self.ribbons)
         self.unplugged: set[int] = set()
@@ -198,6 +206,13 @@ class _World:
             self.ribbons[index].write(data)
             self._due_s[index] = 0.0
             self._changed.notify_all()
+
+    def disturb(self, disturbances: Sequence[Disturbance]) -> None:
+        earth = Field(self.spec.dip_deg, self.spec.field_ut)
+        truth = disturbed(self.truth, earth, disturbances)
+        with self._changed:
+            for index, ribbon in enumerate(self.ribbons):
+                ribbon.feel(truth.ribbon(index))
 
     def add_fault(self, index: int, fault: Fault) -> None:
         with self._changed:
@@ -277,6 +292,7 @@ class EmulatedComb:
     serials: serial numbers of the devices, in the same order.
     layout_start_m: where ribbon 1, 2 ... starts on the reference.
     pitch_m: distance between neighbouring slots.
+    devices: what was drawn of each ribbon, the errors of its parts among it.
     """
 
     def __init__(
@@ -294,10 +310,26 @@ class EmulatedComb:
         faults: LinkFaults = NO_FAULTS,
         image: str = "",
         board: str = "pyboard_v11",
+        part_errors: int | None = None,
+        warming_c: float = 0.0,
+        disturb: str = "",
     ) -> None:
         """See CombSpec. Raises SceneError or UsageError for a comb that cannot be."""
         self.spec = CombSpec(
-            scene, ribbons, seed, period_s, float(noise), dip_deg, field_ut, clock_ppm, baud, image, board
+            scene=scene,
+            ribbons=ribbons,
+            seed=seed,
+            period_s=period_s,
+            noise=float(noise),
+            dip_deg=dip_deg,
+            field_ut=field_ut,
+            clock_ppm=clock_ppm,
+            baud=baud,
+            image=image,
+            board=board,
+            part_errors=part_errors,
+            warming_c=float(warming_c),
+            disturb=disturb,
         )
         self._world = _acquire(self.spec)
         self._open = True
@@ -305,6 +337,14 @@ class EmulatedComb:
         self.serials = tuple(ribbon.device.serial for ribbon in self._world.ribbons)
         self.layout_start_m = self._world.truth.start_m
         self.pitch_m = self._world.truth.pitch_m
+        self.devices = tuple(ribbon.device for ribbon in self._world.ribbons)
+
+    def disturb(self, disturbances: Sequence[Disturbance]) -> None:
+        """Lets these disturb the field from now on, in place of those before.
+
+        Raises UsageError for one that no ribbon can carry.
+        """
+        self._world.disturb(disturbances)
 
     @property
     def start_host_s(self) -> float:

@@ -1,13 +1,18 @@
 """One emulated ribbon in virtual time: the firmware, its sensors, and the bytes between it and a host."""
 
+from collections.abc import Sequence
+
 from ribbonhost.errors import UsageError
 
 from ribbonhil._firmware import ffi, lib
+from ribbonhil.disturbances import Disturbance
 from ribbonhil.emulated_device import Device, drawn_device
 from ribbonhil.faults import Fault
-from ribbonhil.scenes import Scene, load_scene
+from ribbonhil.handling import Handling
+from ribbonhil.scenes import Scene
 from ribbonhil.sensor_string import BusCounters, SensorString, TruthTable, fill_config
-from ribbonhil.truth import Field, RibbonTruth, comb_truth
+from ribbonhil.truth import Field, RibbonTruth
+from ribbonhil.world import load_world, world_truth
 
 __all__ = ["Device", "EmulatedRibbon", "drawn_device"]
 
@@ -22,7 +27,7 @@ class EmulatedRibbon:
 
     def __init__(
         self,
-        scene: str | Scene = "wing",
+        scene: str | Scene | Handling = "wing",
         index: int = 0,
         *,
         ribbons: int = 5,
@@ -30,18 +35,27 @@ class EmulatedRibbon:
         period_s: float | None = None,
         noise: float = 1.0,
         field: Field | None = None,
+        part_errors: int | None = None,
+        warming_c: float = 0.0,
+        disturbances: Sequence[Disturbance] = (),
     ) -> None:
         """Ribbon `index` of a comb of `ribbons`; 0 is the reference.
 
+        part_errors, warming_c: see drawn_device.
+
         Raises SceneError or UsageError for a comb that cannot be.
         """
-        surface = load_scene(scene, period_s) if isinstance(scene, str) else scene
-        truth = comb_truth(surface, ribbons, field or Field())
         if not 0 <= index <= ribbons:
             raise UsageError(
                 f"a comb of {ribbons} ribbons has the numbers 0 (reference) to {ribbons}, not {index}"
             )
-        self._start(truth.ribbon(index), drawn_device(seed, index, noise=noise))
+        devices = [
+            drawn_device(seed, i, noise=noise, part_errors=part_errors, warming_c=warming_c)
+            for i in range(ribbons + 1)
+        ]
+        world = load_world(scene, period_s) if isinstance(scene, str) else scene
+        truth = world_truth(world, ribbons, field or Field(), devices=devices, disturbances=disturbances)
+        self._start(truth.ribbon(index), devices[index])
 
     @classmethod
     def from_truth(cls, truth: RibbonTruth, device: Device) -> "EmulatedRibbon":
@@ -57,10 +71,11 @@ class EmulatedRibbon:
         self.device = device
         self._truth = TruthTable(truth, len(device.parts))
         config = ffi.new("struct emulated_ribbon_config *")
-        fill_config(config.bus, device)
+        errors = fill_config(config.bus, device)
         config.clock_ppm, config.clock_offset_us = device.clock_ppm, device.clock_offset_us
         config.baud, config.unique_id = device.baud, list(device.unique_id)
         ribbon = lib.emulated_ribbon_new(config, self._truth.pointer)
+        del errors  # copied
         if ribbon == ffi.NULL:
             raise ValueError("no ribbon can be made of these parts")
         self._ribbon = ffi.gc(ribbon, lib.emulated_ribbon_free)
@@ -105,6 +120,12 @@ class EmulatedRibbon:
     def add_fault(self, fault: Fault) -> None:
         """Adds a fault. Raises ValueError if it is none, or there are too many."""
         self._string.add_fault(fault)
+
+    def feel(self, truth: RibbonTruth) -> None:
+        """The world changes: the sensors feel this table now. Raises ValueError if it does not fit."""
+        table = TruthTable(truth, len(self.device.parts))
+        lib.sensor_bus_set_truth(lib.emulated_ribbon_bus(self._ribbon), table.pointer)
+        self._truth = table
 
     def counters(self) -> BusCounters:
         """What happened on the sensor bus so far."""

@@ -61,11 +61,33 @@ class TruthTable:
         self.pointer.step_s, self.pointer.periodic = truth.step_s, truth.periodic
 
 
-def fill_config(config: Any, device: Device) -> None:
-    """Sets a `struct sensor_bus_config` to the parts of a device."""
+def fill_config(config: Any, device: Device) -> Any:
+    """Sets a `struct sensor_bus_config` to the parts of a device.
+
+    Returns what must be kept until a bus has been made of it. Raises ValueError for errors of other parts.
+    """
     config.seed, config.slots = device.seed, len(device.parts)
-    config.noise_scale, config.temperature_c = device.noise, device.temperature_c
+    config.noise_scale = device.noise
+    config.temperature.start_c, config.temperature.rise_c = device.temperature_c, device.warming_c
+    config.temperature.time_s = device.warming_s
     config.parts[0 : len(device.parts)] = list(device.parts)
+    if device.errors is None:
+        return None
+    content = np.concatenate(
+        [
+            device.errors.matrix.reshape(-1, 9),
+            device.errors.total_bias,
+            device.errors.scale_per_c,
+            device.errors.bias_per_c,
+        ],
+        axis=1,
+    )
+    if len(content) != len(device.parts):
+        raise ValueError(f"errors of {len(content)} slots do not fit {len(device.parts)} parts")
+    errors = ffi.new("struct sensor_errors[]", len(content))
+    ffi.buffer(errors)[:] = np.ascontiguousarray(content, dtype=np.float64).tobytes()
+    config.errors = errors
+    return errors
 
 
 class SensorString:

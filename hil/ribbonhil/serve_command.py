@@ -22,6 +22,9 @@ class ServeOptions:
     seed: int
     period_s: float | None
     noise: float
+    part_errors: int | None
+    warming_c: float
+    disturb: str
     image: str
     board: str
     use_tcp: bool
@@ -50,6 +53,9 @@ def run_serve(
                 options.noise,
                 image=options.image,
                 board=options.board,
+                part_errors=options.part_errors,
+                warming_c=options.warming_c,
+                disturb=options.disturb,
             )
         )
         for url in comb.urls:

@@ -113,8 +113,7 @@ def comb_truth(scene: Scene, ribbons: int, field: Field = Field()) -> CombTruth:
     Raises SceneError if the ribbons cannot be traced or the motion is too abrupt, UsageError for a number of
     ribbons that the reference has no room for.
     """
-    if not 1 <= ribbons <= RIBBONS_MAX:
-        raise UsageError(f"an emulated comb has 1 to {RIBBONS_MAX} ribbons on its reference, not {ribbons}")
+    start_m = starts_m(ribbons)
     sampled = _sampled_period(scene, ribbons)
     rows = max(_ROWS_MIN, _OVERSAMPLING * len(sampled.position_m))
     position_m = resample(sampled.position_m, rows)
@@ -126,12 +125,19 @@ def comb_truth(scene: Scene, ribbons: int, field: Field = Field()) -> CombTruth:
     return CombTruth(
         period_s=scene.period_s,
         pitch_m=PITCH_M,
-        start_m=tuple(round(j * SPACING_SLOTS * PITCH_M, 9) for j in range(ribbons)),
+        start_m=start_m,
         position_m=position_m,
         r_world_node=r_world_node,
         specific_force_mps2=np.einsum("...ij,...i->...j", r_world_node, pull_mps2),
         field_ut=np.einsum("...ij,i->...j", r_world_node, field.world_ut()),
     )
+
+
+def starts_m(ribbons: int) -> tuple[float, ...]:
+    """Where the ribbons start on the reference. Raises UsageError for a number that it has no room for."""
+    if not 1 <= ribbons <= RIBBONS_MAX:
+        raise UsageError(f"an emulated comb has 1 to {RIBBONS_MAX} ribbons on its reference, not {ribbons}")
+    return tuple(round(j * SPACING_SLOTS * PITCH_M, 9) for j in range(ribbons))
 
 
 def trace_comb(scene: Scene, ribbons: int, t: Array) -> Geodesics:

@@ -40,7 +40,7 @@ class StringBench:
         table.step_s, table.periodic = step_s, periodic
         config = ffi.new("struct sensor_bus_config *")
         config.seed, config.slots = seed, self._slots
-        config.noise_scale, config.temperature_c = noise, temperature_c
+        config.noise_scale, config.temperature.start_c = noise, temperature_c
         for slot, part in enumerate(parts):
             config.parts[slot] = part
         self.bus = ffi.new("struct sensor_bus *")

@@ -39,7 +39,7 @@ struct emulated_ribbon *emulated_ribbon_new(const struct emulated_ribbon_config 
     ribbon->board.clock_ratio = 1.0 + config->clock_ppm * 1e-6;
     ribbon->board.clock_offset_us = config->clock_offset_us;
     ribbon->board.baud = config->baud;
-    ribbon->board.temperature_c = (float)config->bus.temperature_c;
+    ribbon->board.temperature_c = (float)config->bus.temperature.start_c;
     app_init(&ribbon->app, &ribbon->board);
     return ribbon;
 }

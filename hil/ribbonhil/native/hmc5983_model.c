@@ -114,11 +114,12 @@ static uint8_t read_output(struct hmc5983_model *model, uint8_t address) {
     return (uint8_t)(index % 2u == 0 ? bits >> 8 : bits);
 }
 
-static uint16_t temperature_bits(const struct sensor *sensor) {
+static uint16_t temperature_bits(const struct sensor *sensor, uint64_t t_ns) {
     if ((sensor->state.hmc5983.config_a & HMC5983_CONFIG_A_TS) == 0) {
         return 0;
     }
-    double count = round((sensor->environment.temperature_c - TEMPERATURE_ZERO_C) * TEMPERATURE_COUNTS_PER_C);
+    double count =
+        round((sensor_temperature_c(sensor, (double)t_ns) - TEMPERATURE_ZERO_C) * TEMPERATURE_COUNTS_PER_C);
     return (uint16_t)(int16_t)fmin(fmax(count, -32768.0), 32767.0);
 }
 
@@ -142,9 +143,9 @@ static uint8_t read_register(struct sensor *sensor, uint64_t t_ns, uint8_t addre
     case HMC5983_STATUS:
         return model->status;
     case HMC5983_TEMPERATURE_MSB:
-        return (uint8_t)(temperature_bits(sensor) >> 8);
+        return (uint8_t)(temperature_bits(sensor, t_ns) >> 8);
     case TEMPERATURE_LSB:
-        return (uint8_t)temperature_bits(sensor);
+        return (uint8_t)temperature_bits(sensor, t_ns);
     default:
         sensor_reject(sensor, SENSOR_RESERVED_ADDRESS, t_ns);
         return 0;

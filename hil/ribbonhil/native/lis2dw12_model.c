@@ -121,8 +121,9 @@ static uint8_t read_output(struct lis2dw12_model *model, uint8_t address) {
 }
 
 /* 12 bits, left-justified in two bytes. */
-static uint16_t temperature_bits(const struct sensor *sensor) {
-    double count = round((sensor->environment.temperature_c - TEMPERATURE_ZERO_C) * TEMPERATURE_COUNTS_PER_C);
+static uint16_t temperature_bits(const struct sensor *sensor, uint64_t t_ns) {
+    double count =
+        round((sensor_temperature_c(sensor, (double)t_ns) - TEMPERATURE_ZERO_C) * TEMPERATURE_COUNTS_PER_C);
     return (uint16_t)(int16_t)(fmin(fmax(count, -2048.0), 2047.0) * 16.0);
 }
 
@@ -149,10 +150,10 @@ static uint8_t read_register(struct sensor *sensor, uint64_t t_ns, uint8_t addre
     }
     switch (address) {
     case LIS2DW12_OUT_T_L:
-        return (uint8_t)temperature_bits(sensor);
+        return (uint8_t)temperature_bits(sensor, t_ns);
     case LIS2DW12_OUT_T_H:
     case ADDRESS_OUT_T:
-        return (uint8_t)(temperature_bits(sensor) >> 8);
+        return (uint8_t)(temperature_bits(sensor, t_ns) >> 8);
     case LIS2DW12_WHO_AM_I:
         return LIS2DW12_WHO_AM_I_VALUE;
     case LIS2DW12_STATUS:

@@ -107,7 +107,8 @@ static void update(struct sensor *sensor, uint64_t t_ns) {
         model->single_end_ns = 0.0;
     }
     if (has_ended(sensor, model->temperature_end_ns, t_ns)) {
-        double count = round((environment->temperature_c - TEMPERATURE_ZERO_C) / TEMPERATURE_C_PER_COUNT);
+        double temperature_c = sensor_temperature_c(sensor, model->temperature_end_ns);
+        double count = round((temperature_c - TEMPERATURE_ZERO_C) / TEMPERATURE_C_PER_COUNT);
         model->temperature = (uint8_t)fmin(fmax(count, 0.0), 255.0);
         model->done |= MMC5983MA_STATUS_MEAS_T_DONE;
         model->temperature_end_ns = 0.0;

@@ -1,6 +1,7 @@
 /* Transactions, power and bus faults of a sensor, whatever its part. */
 #include "sensor.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "noise.h"
@@ -114,14 +115,29 @@ static void add_drift(const struct sensor *sensor, double t_ns, double out[3]) {
     }
 }
 
+double sensor_temperature_c(const struct sensor *sensor, double t_ns) {
+    const struct sensor_temperature *temperature = &sensor->environment.temperature;
+    if (temperature->rise_c == 0.0) {
+        return temperature->start_c;
+    }
+    return temperature->start_c + temperature->rise_c * (1.0 - exp(-t_ns * 1e-9 / temperature->time_s));
+}
+
+static void sense(const struct sensor *sensor, double t_ns, double v[3]) {
+    if (sensor->environment.errors != NULL) {
+        sensor_errors_apply(sensor->environment.errors, sensor_temperature_c(sensor, t_ns), v);
+    }
+    add_drift(sensor, t_ns, v);
+}
+
 void sensor_specific_force(const struct sensor *sensor, double t_ns, double out_mps2[3]) {
     truth_table_specific_force(sensor->environment.truth, sensor->environment.slot, t_ns * 1e-9, out_mps2);
-    add_drift(sensor, t_ns, out_mps2);
+    sense(sensor, t_ns, out_mps2);
 }
 
 void sensor_field(const struct sensor *sensor, double t_ns, double out_ut[3]) {
     truth_table_field(sensor->environment.truth, sensor->environment.slot, t_ns * 1e-9, out_ut);
-    add_drift(sensor, t_ns, out_ut);
+    sense(sensor, t_ns, out_ut);
 }
 
 double sensor_oscillator(const struct sensor *sensor, double tolerance) {

@@ -12,6 +12,7 @@
 #include "hmc5983_model.h"
 #include "lis2dw12_model.h"
 #include "mmc5983ma_model.h"
+#include "sensor_errors.h"
 #include "truth_table.h"
 
 /* Why a part did not do what the bus asked for. */
@@ -34,6 +35,11 @@ struct sensor_counters {
     uint64_t last_rejected_ns;
 };
 
+/* A string that warms up: start_c + rise_c * (1 - exp(-t / time_s)). */
+struct sensor_temperature {
+    double start_c, rise_c, time_s;
+};
+
 /* The world of a sensor, set up by the bus. */
 struct sensor_environment {
     const struct truth_table *truth;
@@ -41,7 +47,8 @@ struct sensor_environment {
     uint64_t seed;
     uint32_t slot;
     double noise_scale; /* 1: as in the data sheet, 0: none */
-    double temperature_c;
+    struct sensor_temperature temperature;
+    const struct sensor_errors *errors; /* a null pointer: the part has none */
 };
 
 union sensor_state {
@@ -92,7 +99,10 @@ void sensor_reject(struct sensor *sensor, enum sensor_rejection reason, uint64_t
 /* For the models: true if a stuck fault keeps the outputs of a sample that ends at ended_ns. */
 bool sensor_stuck(const struct sensor *sensor, double ended_ns);
 
-/* For the models: the truth at t_ns with the drift fault, if any, added. */
+/* For the models: how warm the part is. */
+double sensor_temperature_c(const struct sensor *sensor, double t_ns);
+
+/* For the models: the truth at t_ns as the part senses it, with its errors and the drift fault, if any. */
 void sensor_specific_force(const struct sensor *sensor, double t_ns, double out_mps2[3]);
 void sensor_field(const struct sensor *sensor, double t_ns, double out_ut[3]);
 

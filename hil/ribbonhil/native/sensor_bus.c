@@ -28,6 +28,9 @@ int sensor_bus_init(struct sensor_bus *bus, const struct sensor_bus_config *conf
         return -1;
     }
     bus->truth = *truth;
+    if (config->errors != NULL) {
+        memcpy(bus->errors, config->errors, config->slots * sizeof *config->errors);
+    }
     flip_flop_chain_power_up(&bus->chain, config->slots, config->seed);
     for (uint32_t slot = 0; slot < config->slots; slot++) {
         const struct sensor_part *part = part_model(config->parts[slot]);
@@ -40,11 +43,16 @@ int sensor_bus_init(struct sensor_bus *bus, const struct sensor_bus_config *conf
             .seed = config->seed,
             .slot = slot,
             .noise_scale = config->noise_scale,
-            .temperature_c = config->temperature_c,
+            .temperature = config->temperature,
+            .errors = config->errors != NULL ? &bus->errors[slot] : NULL,
         };
         sensor_init(&bus->sensors[slot], part, &environment);
     }
     return 0;
+}
+
+void sensor_bus_set_truth(struct sensor_bus *bus, const struct truth_table *truth) {
+    bus->truth = *truth;
 }
 
 static uint64_t always_selected(const struct sensor_bus *bus, uint64_t t_ns) {

@@ -22,6 +22,7 @@ struct sensor_bus {
     uint64_t selected; /* bit i: slot i is in a transaction */
     struct fault_list faults;
     struct truth_table truth;
+    struct sensor_errors errors[FLIP_FLOP_CHAIN_MAX];
     struct sensor_bus_counters counters;
     struct sensor sensors[FLIP_FLOP_CHAIN_MAX];
 };
@@ -30,7 +31,8 @@ struct sensor_bus_config {
     uint64_t seed;
     uint32_t slots; /* 1 to FLIP_FLOP_CHAIN_MAX */
     double noise_scale;
-    double temperature_c;
+    struct sensor_temperature temperature;
+    const struct sensor_errors *errors; /* of each slot, copied; a null pointer: no part has any */
     uint8_t parts[FLIP_FLOP_CHAIN_MAX]; /* enum wire_part of each slot; WIRE_PART_NONE leaves it empty */
 };
 
@@ -39,6 +41,10 @@ struct sensor_bus_config {
  * slots. */
 int sensor_bus_init(struct sensor_bus *bus, const struct sensor_bus_config *config,
                     const struct truth_table *truth);
+
+/* The world changes: what the sensors feel from the next sample on. The table must outlive the bus and have
+ * as many slots as that. */
+void sensor_bus_set_truth(struct sensor_bus *bus, const struct truth_table *truth);
 
 /* What host_bus asks for; `context` is the bus. A byte: two or more selected give the AND of their answers,
  * none gives 0xFF, the pull-up. */

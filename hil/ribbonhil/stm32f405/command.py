@@ -24,6 +24,10 @@ def run(
     ribbons: Annotated[int, typer.Option(min=2, max=6, help="Ribbons on the reference.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of noise and serial number.")] = 0,
     noise: Annotated[float, typer.Option(min=0.0, help="Times the noise of the parts' data sheets.")] = 1.0,
+    part_errors: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="SEED", help="Errors of parts off the shelf.  [default: none]"),
+    ] = None,
     period: Annotated[
         float | None, typer.Option(min=0.01, help="Seconds of one period of the motion.")
     ] = None,
@@ -60,7 +64,21 @@ def run(
     from ribbonhil.stm32f405.run import run as run_image
 
     report = run_image(
-        RunOptions(image, scene, frames, rate, board, ribbons, ribbon, seed, noise, period, axes, profile)
+        RunOptions(
+            image,
+            scene,
+            frames,
+            rate,
+            board,
+            ribbons,
+            ribbon,
+            seed,
+            noise,
+            period,
+            axes,
+            profile,
+            part_errors,
+        )
     )
     _print(asdict(report), as_json)
     sys.exit(0 if report.is_good else 1)

@@ -43,10 +43,11 @@ class ImageRibbon:
         self.device = device or Device()
         self._truth = TruthTable(truth, len(self.device.parts))
         config = ffi.new("struct sensor_bus_config *")
-        fill_config(config, self.device)
+        errors = fill_config(config, self.device)
         self._bus = ffi.new("struct sensor_bus *")
         if lib.sensor_bus_init(self._bus, config, self._truth.pointer) != 0:
             raise ValueError("no sensor string can be made of these parts")
+        del errors  # copied
         self._string = SensorString(self._bus)
         bus = Bus(
             transfer=_address("sensor_bus_transfer"),
@@ -96,6 +97,12 @@ class ImageRibbon:
     def add_fault(self, fault: Fault) -> None:
         """Adds a fault. Raises ValueError if it is none, or there are too many."""
         self._string.add_fault(fault)
+
+    def feel(self, truth: RibbonTruth) -> None:
+        """The world changes: the sensors feel this table now. Raises ValueError if it does not fit."""
+        table = TruthTable(truth, len(self.device.parts))
+        lib.sensor_bus_set_truth(self._bus, table.pointer)
+        self._truth = table
 
     def counters(self) -> BusCounters:
         """What happened on the sensor bus so far."""

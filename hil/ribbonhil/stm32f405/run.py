@@ -6,17 +6,17 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ribbonhost.errors import UsageError
 from ribbonhost.wire import CommandCode, Orient, decode
 
 from ribbonhil.emulated_device import drawn_device
-from ribbonhil.scenes import load_scene
 from ribbonhil.stm32f405.boards import BOARDS
 from ribbonhil.stm32f405.elf import read_elf, read_image
 from ribbonhil.stm32f405.image_ribbon import ImageRibbon
 from ribbonhil.stm32f405.profile import by_function
 from ribbonhil.stm32f405.replay import replay
 from ribbonhil.stm32f405.session import Session, SilentImageError
-from ribbonhil.truth import comb_truth
+from ribbonhil.world import load_world, world_truth
 
 EVENTS_PER_SCAN_MAX = 1500  # bytes, select clocks and looks at the clock
 EVENTS_AT_START = 400_000
@@ -39,6 +39,7 @@ class RunOptions:
     period_s: float | None = None
     axes: int | None = None  # of the magnetometers; None: what the firmware starts with
     profile: bool = False  # needs the ELF file
+    part_errors: int | None = None  # seed of what is wrong with the parts; None: nothing is
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,16 @@ def run(options: RunOptions) -> RunReport:
     """Runs `frames` scans, once the ribbon has started and has its rate.
 
     Raises RibbonError for an image or a scene that cannot be run, or an image that does not answer."""
-    truth = comb_truth(load_scene(options.scene, options.period_s), options.ribbons)
+    if options.ribbon > options.ribbons:
+        raise UsageError(f"a comb of {options.ribbons} ribbons has no ribbon {options.ribbon}")
+    devices = [
+        drawn_device(options.seed, index, noise=options.noise, part_errors=options.part_errors)
+        for index in range(options.ribbons + 1)
+    ]
+    world = load_world(options.scene, options.period_s)
+    truth = world_truth(world, options.ribbons, devices=devices)
+    device = devices[options.ribbon]
     program = read_elf(options.image) if options.profile else None
-    device = drawn_device(options.seed, options.ribbon, noise=options.noise)
     ribbon = ImageRibbon(
         read_image(options.image), truth.ribbon(options.ribbon), device, BOARDS[options.board]
     )
