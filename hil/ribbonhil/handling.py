@@ -97,9 +97,10 @@ def _nominal(poses: int, one_axis: bool) -> Array:
     yaws = [np.array([0.0, 0.0, quarter * i]) for i in range(4)]
     pitches = [np.array([0.0, -quarter, 0.0]), np.array([0.0, quarter, 0.0])]
     points = rotation_matrices([*yaws, *pitches])
-    rolls = rotation_matrices([[quarter * i, 0.0, 0.0] for i in range(4)])
+    # The first roll differs from side to side: so those of fewer poses are spread as well.
+    roll_rad = quarter * (np.arange(6)[:, None] + np.arange(4))
+    rolls = rotation_matrices(roll_rad[..., None] * np.array([1.0, 0.0, 0.0]))
     cube = (points[:, None] @ rolls).reshape(24, 3, 3)
-    # Fewer than all of them are spread over directions and rolls alike.
     chosen = np.arange(poses) * 24 // poses if poses < 24 else np.arange(poses)
     turned = rotation_matrices(np.array([0.0, 0.0, np.pi / 4]) * (chosen // 24)[:, None])
     return np.asarray(turned @ cube[chosen % 24])
