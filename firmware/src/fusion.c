@@ -124,10 +124,11 @@ static void find_up(const struct fusion_params *params, struct fusion_state *sta
     for (unsigned k = 0; k < NODES; k++) {
         const struct stencil *const stencil = &derived->gravity[k];
         const float (*const directions)[3] = (const float (*)[3])scan->accel_direction;
-        stencil_apply(stencil, directions, scan->up[k]);
-        const float error = params->next_term * stencil_last_term(stencil, directions);
+        const struct stencil_error told =
+            stencil_apply_told(stencil, directions, scan->accel_variance, scan->up[k]);
+        const float error = params->next_term * told.last_term;
         scan->up_valid[k] = vec3_normalise(scan->up[k]);
-        scan->tilt_variance[k] = stencil_variance(stencil, scan->accel_variance) + error * error;
+        scan->tilt_variance[k] = told.variance + error * error;
     }
 }
 

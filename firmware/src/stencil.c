@@ -6,6 +6,8 @@
 
 #include "vec3.h"
 
+#define STENCIL_POINTS_LOPSIDED_MAX 4u
+
 static const float SPACING = 2.0f; /* pitches between sensors of one kind */
 
 /* Farther sensors say nothing of this place: a ribbon can turn by a radian in
@@ -21,8 +23,8 @@ static float distance(float at, unsigned index) {
     return fabsf((float)index * SPACING - at);
 }
 
-/* Takes the nearest sensors, no more than two of a side while the other has
- * some. */
+/* Takes the nearest sensors: three of each side where both have them, else four, no more than two of a side
+ * while the other has some. Six that lie to one side err more than four. */
 static unsigned nearest(uint8_t *index, float at, const bool *valid, unsigned count, unsigned except) {
     uint8_t below[STENCIL_POINTS_MAX];
     uint8_t above[STENCIL_POINTS_MAX];
@@ -44,14 +46,16 @@ static unsigned nearest(uint8_t *index, float at, const bool *valid, unsigned co
         }
     }
 
-    const unsigned half = STENCIL_POINTS_MAX / 2u;
+    const unsigned half_max = STENCIL_POINTS_MAX / 2u;
+    const unsigned half =
+        below_count >= half_max && above_count >= half_max ? half_max : STENCIL_POINTS_LOPSIDED_MAX / 2u;
     unsigned from_below = below_count;
     unsigned from_above = above_count;
-    if (from_below + from_above > STENCIL_POINTS_MAX) {
+    if (from_below + from_above > 2u * half) {
         if (from_below <= half)
-            from_above = STENCIL_POINTS_MAX - from_below;
+            from_above = 2u * half - from_below;
         else if (from_above <= half)
-            from_below = STENCIL_POINTS_MAX - from_above;
+            from_below = 2u * half - from_above;
         else
             from_below = from_above = half;
     }
@@ -127,6 +131,38 @@ float stencil_last_term(const struct stencil *stencil, const float (*vectors)[3]
     float term[3];
     weigh(stencil, stencil->last_term, vectors, term);
     return vec3_norm(term);
+}
+
+/* The hot loop of a scan: one pass, with sums that stay in registers. */
+struct stencil_error stencil_apply_told(const struct stencil *stencil, const float (*vectors)[3],
+                                        const float *variances, float value[3]) {
+    float x = 0.0f;
+    float y = 0.0f;
+    float z = 0.0f;
+    float term_x = 0.0f;
+    float term_y = 0.0f;
+    float term_z = 0.0f;
+    float variance = 0.0f;
+    for (unsigned i = 0; i < stencil->count; i++) {
+        const unsigned index = stencil->index[i];
+        const float *const vector = vectors[index];
+        const float weight = stencil->weight[i];
+        const float last_weight = stencil->last_term[i];
+        x += weight * vector[0];
+        y += weight * vector[1];
+        z += weight * vector[2];
+        term_x += last_weight * vector[0];
+        term_y += last_weight * vector[1];
+        term_z += last_weight * vector[2];
+        variance += weight * weight * variances[index];
+    }
+    value[0] = x;
+    value[1] = y;
+    value[2] = z;
+    return (struct stencil_error){
+        .last_term = sqrtf(term_x * term_x + term_y * term_y + term_z * term_z),
+        .variance = variance,
+    };
 }
 
 float stencil_variance(const struct stencil *stencil, const float *variances) {

@@ -2,16 +2,16 @@
  * to where they are needed.
  *
  * Sensors of one kind sit two pitches apart. A stencil holds the weights of the
- * polynomial through the nearest valid ones, of degree three where four are in
- * reach. It depends on which are valid, not on what they read: it is computed
- * when that changes, and used in every scan. */
+ * polynomial through the nearest valid ones: of degree five where three of each
+ * side are in reach, else three where four are. It depends on which are valid, not on what they read: it is
+ * computed when that changes, and used in every scan. */
 #ifndef STENCIL_H
 #define STENCIL_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#define STENCIL_POINTS_MAX 4u
+#define STENCIL_POINTS_MAX 6u
 
 struct stencil {
     uint8_t count;                       /* sensors used; 0: none is in reach */
@@ -26,6 +26,9 @@ struct stencil {
  * among `count` sensors at 0, 2, 4
  * ... pitches, those with valid[i]; sensor `except` is left out (count or more:
  * none).
+ *
+ * Between sensors, degree five instead of three takes the mean error of a comb on the sea from 0.10 to 0.07 %
+ * of the length. Near an end it would take it back: there the six would not lie evenly around the place.
  *
  * Beyond an end a polynomial of degree three would make the noise 3.4 times
  * that of a sensor, of degree two 2.3 times. On the moving test surfaces (sea,
@@ -43,5 +46,15 @@ float stencil_last_term(const struct stencil *stencil, const float (*vectors)[3]
 
 /* The variance of the interpolated value, given that of each sensor. */
 float stencil_variance(const struct stencil *stencil, const float *variances);
+
+/* How far an interpolated value may be off. */
+struct stencil_error {
+    float last_term; /* of stencil_last_term */
+    float variance;  /* of stencil_variance */
+};
+
+/* All of these at once. */
+struct stencil_error stencil_apply_told(const struct stencil *stencil, const float (*vectors)[3],
+                                        const float *variances, float value[3]);
 
 #endif

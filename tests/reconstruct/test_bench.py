@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ribbonhost.bench import speed
-from ribbonhost.bench.accuracy import measure_accuracy
+from ribbonhost.bench import chain, speed
+from ribbonhost.bench.accuracy import measure_accuracy, solve
 from ribbonhost.bench.budget import quantised, sources
-from ribbonhost.bench.chain import load
 from ribbonhost.bench.cli import app
 from ribbonhost.bench.tables import accuracy_tables
 from ribbonhost.errors import UsageError
@@ -42,6 +41,14 @@ def test_figures_of_the_wing_hold() -> None:
     assert "moving_smoothed" in accuracy_tables(result)
 
 
+def test_steep_sea_is_followed_from_sensors_that_sit_apart() -> None:
+    """E in percent, each frame held still, no noise: the limit, and more than exact orientations leave."""
+    lines = chain.trace(chain.load("sea"), 24)
+    exact = chain.exact(chain.load("sea"), lines)
+    apart = solve(chain.at_rest(lines, 0.0, 0), "spline").percent.mean()
+    assert 1.5 * solve(exact, "spline").percent.mean() < apart < 0.08
+
+
 def test_accuracy_of_a_scene_file_as_json(tmp_path: Path) -> None:
     scene = tmp_path / "dunes.py"
     scene.write_text(SCENE)
@@ -56,7 +63,7 @@ def test_accuracy_of_a_scene_file_as_json(tmp_path: Path) -> None:
 
 def test_unknown_scene_is_a_wrong_usage() -> None:
     with pytest.raises(UsageError, match="nowhere"):
-        load("nowhere")
+        chain.load("nowhere")
 
 
 def test_quantisation_is_what_the_wire_leaves() -> None:
@@ -71,7 +78,7 @@ def test_quantisation_is_what_the_wire_leaves() -> None:
 
 
 def test_pairing_sensors_as_if_in_one_place_costs_most() -> None:
-    found = sources(load("wing"), 0)
+    found = sources(chain.load("wing"), 0)
     naive = found.pop("offset, sensors paired as if in one place")
     assert naive > 1
     assert all(0 < percent < 0.1 for percent in found.values())
