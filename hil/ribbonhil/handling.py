@@ -14,7 +14,7 @@ from ribbonhil.disturbances import Magnet
 from ribbonhil.rotations import Array, rotation_matrices, rotation_vectors
 from ribbonhil.truth import GRAVITY_MPS2, PITCH_M, SLOT_COUNT, CombTruth, Field, resample, starts_m
 
-UNDER_THE_BAR = Magnet((0.0, 0.0, -0.25), (0.0, 0.6, 0.6))
+UNDER_THE_BAR = Magnet((0.0, 0.0, -0.7), (0.0, 7.0, 7.0))
 UP_MPS2 = np.array([0.0, 0.0, GRAVITY_MPS2])
 RATE_HZ = 64.0  # of the rows of truth: five to a period of the fastest tremor
 TREMOR_HZ = (8.0, 12.0)
