@@ -1,6 +1,7 @@
 """Where the error of a comb comes from: each source alone, and all together."""
 
 from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -137,10 +138,11 @@ def sources(scene: "Scene", seed: int) -> dict[str, float]:
     from ribbonhil.truth import Field, comb_truth
 
     truth = comb_truth(scene, chain.RIBBONS)
+    slow = chain.moving(scene, 1.0, seed, accelerated=False)
     noisy, clean = chain.moving(scene, 1.0, seed), chain.moving(scene, 0.0, seed)
-    same = np.intersect1d(noisy.t_s, clean.t_s)[::STREAM_STEP]
-    noisy, clean = (_at(data, same) for data in (noisy, clean))
-    t_s, truth_m = same, noisy.node_m
+    t_s = reduce(np.intersect1d, (data.t_s for data in (slow, noisy, clean)))[::STREAM_STEP]
+    slow, noisy, clean = (_at(data, t_s) for data in (slow, noisy, clean))
+    truth_m = noisy.node_m
     q_slot = truth.q_world_slot(t_s)
     q = np.ascontiguousarray(q_slot[:, :, 1::2])
     exact_m = _solve(q)
@@ -170,6 +172,7 @@ def sources(scene: "Scene", seed: int) -> dict[str, float]:
             [truth.q_world_slot(t_s + late_s[:, r])[:, r, 1::2] for r in range(q.shape[1])], axis=1
         )
         found[f"ribbons sampled up to {skew_ms:g} ms apart"] = _mean(_solve(skewed), exact_m)
+    found["together, without motion"] = _mean(_solve(slow.q_world_node, slow.valid), truth_m)
     found["motion, read as a level"] = motion_error(scene, scene.period_s)
     found["together"] = _mean(_solve(noisy.q_world_node, noisy.valid), truth_m)
     return found

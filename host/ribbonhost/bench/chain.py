@@ -99,12 +99,19 @@ def at_rest(lines: "Geodesics", noise: float, seed: int) -> Orientations:
     return _collect(frames, true_nodes(lines))
 
 
-def moving(scene: "Scene", noise: float, seed: int) -> Orientations:
-    """Whole periods of the motion at RATE_HZ: every frame that all ribbons have sent."""
+def moving(scene: "Scene", noise: float, seed: int, accelerated: bool = True) -> Orientations:
+    """Whole periods of the motion at RATE_HZ: every frame that all ribbons have sent.
+
+    accelerated: whether the accelerometers feel the acceleration. Without it they feel gravity alone, and
+    what is left is the error of sensors and reconstruction.
+    """
     from ribbonhil.ribbon import EmulatedRibbon
-    from ribbonhil.truth import comb_truth
+    from ribbonhil.truth import GRAVITY_MPS2, comb_truth
 
     truth = comb_truth(scene, RIBBONS)
+    if not accelerated:
+        up = np.ascontiguousarray(truth.r_world_node[..., 2, :])
+        truth = replace(truth, specific_force_mps2=GRAVITY_MPS2 * up)
     until_s = START_UP_S + scene.period_s * np.ceil(RECORDED_S / scene.period_s)
     sent = [
         _orients(EmulatedRibbon.from_truth(truth.ribbon(r), _device(seed, r, noise)), until_s)

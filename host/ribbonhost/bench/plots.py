@@ -79,11 +79,14 @@ def plot_motion(budget: dict[str, Any], path: Path) -> Path:
     return _save(figure, path)
 
 
-def plot_frames(percent: dict[str, NDArray[np.float64]], path: Path) -> Path:
-    """E frame by frame over one period."""
+def plot_frames(percent: dict[str, list[NDArray[np.float64]]], path: Path) -> Path:
+    """E frame by frame over one period, of each scene without and with acceleration."""
     figure, axes = _figure()
-    for name, values in percent.items():
-        axes.plot(np.linspace(0, 1, len(values), endpoint=False), values, label=name)
+    for i, (name, curves) in enumerate(percent.items()):
+        for values, style in zip(curves, ("-", "--"), strict=True):
+            label = name if style == "-" else None
+            at = np.linspace(0, 1, len(values), endpoint=False)
+            axes.plot(at, values, style, color=f"C{i}", linewidth=0.8, label=label)
     axes.set_yscale("log")
     axes.set_xlabel("periods")
     axes.legend(fontsize="small")
