@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbonhil.disturbances import Magnet
 from ribbonhil.rotations import Array, rotation_matrices, rotation_vectors
@@ -24,6 +25,7 @@ REACH_M = 0.1  # by which poses lie apart
 SATURATING_MPS2 = 60.0
 SATURATING_UT = 2000.0
 BAR_M = PITCH_M * (SLOT_COUNT - 1)
+ON_TABLE = (0, 1, 10, 11)  # normal up, binormal up; the same with the bar turned end for end
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,9 @@ class Handling:
     The first 24 attitudes point the bar to the six sides of a cube and roll it to four sides; the next 24 are
     the same turned by 45 degrees about the vertical. All are off by scatter_deg (RMS, all axes together).
     sway_deg, sway_m, tremor_mps2: RMS an axis. A handling that is never still has hold_s = 0.
+
+    In the poses ON_TABLE the bar does not lie in hands but on a table that is tilted by table_deg: on two of
+    its sides, each end for end, its sides flush with the table but for flush_deg. NaN: there is no table.
     """
 
     name: str = "bar"
@@ -63,6 +68,8 @@ class Handling:
     sway_deg: float = 0.15
     sway_m: float = 1.5e-3
     tremor_mps2: float = 0.02
+    table_deg: float = 1.0
+    flush_deg: float = 0.05
     seed: int = 0
     trouble: Trouble = field(default_factory=Trouble)
 
@@ -80,13 +87,39 @@ class Handling:
         """(poses, 3, 3) r_world_bar of the poses, without sway."""
         random = np.random.default_rng([self.seed, 1])
         off_rad = np.radians(self.scatter_deg) / np.sqrt(3) * random.standard_normal((self.poses, 3))
-        return _nominal(self.poses, self.trouble.one_axis) @ rotation_matrices(off_rad)
+        nominal = _nominal(self.poses, self.trouble.one_axis)
+        lies = self.lies()
+        yaw_rad = off_rad * [0.0, 0.0, 1.0]
+        flush_rad = np.radians(self.flush_deg) / np.sqrt(2) * random.standard_normal((self.poses, 3))
+        table_rad = np.radians(np.nan_to_num(self.table_deg)) * np.append(_unit(random), 0.0)
+        lying = rotation_matrices(table_rad) @ rotation_matrices(yaw_rad) @ nominal
+        held = nominal @ rotation_matrices(off_rad)
+        return np.where(lies[:, None, None], lying @ rotation_matrices(flush_rad), held)
+
+    def lies(self) -> NDArray[np.bool_]:
+        """(poses,) whether the bar lies on the table."""
+        if np.isnan(self.table_deg) or self.trouble.one_axis:
+            return np.zeros(self.poses, np.bool_)
+        return np.isin(_chosen(self.poses), ON_TABLE)
 
 
 HANDLINGS = {
     "bar": Handling(),
-    "rest": Handling("rest", 1, 20.0, 0.0, scatter_deg=1.0, sway_deg=0.0, sway_m=0.0, tremor_mps2=0.0),
+    "rest": Handling(
+        "rest", 1, 20.0, 0.0, scatter_deg=1.0, sway_deg=0.0, sway_m=0.0, tremor_mps2=0.0, table_deg=np.nan
+    ),
 }
+
+
+def _unit(random: np.random.Generator) -> Array:
+    """(2,) a direction."""
+    angle = random.uniform(0, 2 * np.pi)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _chosen(poses: int) -> NDArray[np.int64]:
+    """(poses,) numbers of attitudes; fewer than 24 are spread over directions and rolls alike."""
+    return np.arange(poses) * 24 // poses if poses < 24 else np.arange(poses)
 
 
 def _nominal(poses: int, one_axis: bool) -> Array:
@@ -101,7 +134,7 @@ def _nominal(poses: int, one_axis: bool) -> Array:
     roll_rad = quarter * (np.arange(6)[:, None] + np.arange(4))
     rolls = rotation_matrices(roll_rad[..., None] * np.array([1.0, 0.0, 0.0]))
     cube = (points[:, None] @ rolls).reshape(24, 3, 3)
-    chosen = np.arange(poses) * 24 // poses if poses < 24 else np.arange(poses)
+    chosen = _chosen(poses)
     turned = rotation_matrices(np.array([0.0, 0.0, np.pi / 4]) * (chosen // 24)[:, None])
     return np.asarray(turned @ cube[chosen % 24])
 
@@ -145,6 +178,9 @@ def _carried(handling: Handling, t_s: Array) -> tuple[Array, Array, Array]:
     way = (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None]
     turn = rotation_vectors(attitude.swapaxes(-1, -2) @ np.roll(attitude, -1, axis=0))
     moved_m, turned_rad = _jitter(handling, t_s)
+    in_hands = (~handling.lies()).astype(np.float64)[:, None]
+    shaking = in_hands[pose] + way * (in_hands[after] - in_hands[pose])
+    moved_m, turned_rad = shaking * moved_m, shaking * turned_rad
     r = attitude[pose] @ rotation_matrices(way * turn[pose]) @ rotation_matrices(turned_rad)
     nearest = np.where(way[:, 0] < 0.5, pose, after)
     return centre_m[pose] + way * (centre_m[after] - centre_m[pose]) + moved_m, r, nearest

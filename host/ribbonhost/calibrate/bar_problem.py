@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
+from ribbonhost.calibrate.rotations import field_world_ut, rotation, skew
 from ribbonhost.calibrate.sensor_errors import (
     STANDARD_GRAVITY_MPS2,
     Array,
@@ -17,38 +19,31 @@ from ribbonhost.calibrate.sensor_errors import (
     matrix_basis,
 )
 
+SWING = 6  # unknowns of a pose: acceleration that is common, and that grows along the bar
+TABLE = 2
+
 
 @dataclass(frozen=True)
 class State:
-    accel: Array  # (A, 12) in units of the prior's standard deviations: 9 matrix parameters, 3 biases
-    field: Array  # (M, K + axes)
-    r_world_bar: Array  # (P, 3, 3)
+    """The unknowns, in units of the prior's standard deviations but for attitudes and dip.
+
+    accel (A, 12): 9 matrix parameters, 3 biases. field (M, K + axes). swing (P, 6). table (2,): tilt of the
+    table's normal toward east and north.
+    """
+
+    accel: Array
+    field: Array
+    r_world_bar: Array
+    swing: Array
+    table: Array
     dip_rad: float
-
-
-def _skew(v: Array) -> Array:
-    """[v]x of vectors (..., 3) as matrices (..., 3, 3)."""
-    out = np.zeros((*v.shape[:-1], 3, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
-    return out
-
-
-def _exp(w: Array) -> Array:
-    """Rotation matrices (P, 3, 3) of rotation vectors (P, 3) (Rodrigues)."""
-    angle = np.linalg.norm(w, axis=-1)[:, None, None]
-    k = _skew(w)
-    small = angle < 1e-8
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1.0, np.sin(safe) / safe)
-    b = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
-    return np.eye(3) + a * k + b * (k @ k)
 
 
 class Problem:
     """Residuals and Jacobian of one set of poses; unknowns are scaled to unit prior variance."""
 
-    def __init__(self, poses: Poses, prior: Prior) -> None:
+    def __init__(self, poses: Poses, prior: Prior, start: Parameters | None = None) -> None:
+        """start: what the parameters scatter around; nominal sensors if none are given."""
         self.poses = poses
         self.prior = prior
         self.accel_basis, self.accel_names = matrix_basis(3)
@@ -57,171 +52,175 @@ class Problem:
         self.field_sigma = self._sigmas(self.field_names, prior.field_scale, prior.field_cross_axis)
         p, a, _ = poses.accel_mps2.shape
         m = poses.field_ut.shape[1]
+        self.start = start or Parameters.nominal(a, m, poses.axes)
         self.n_poses, self.n_accel, self.n_field = p, a, m
         self.accel_width = len(self.accel_names) + 3
         self.field_width = len(self.field_names) + poses.axes
         self.n_sensor = a * self.accel_width + m * self.field_width
-        self.n_unknown = self.n_sensor + 3 * p + 1
+        self.first_swing = self.n_sensor + 3 * p
+        self.first_table = self.first_swing + SWING * p
+        self.n_unknown = self.first_table + TABLE + 1
+        shape = np.ones(p)
+        self.accel_noise = np.asarray(poses.accel_sigma_mps2 * shape)[:, None, None]
+        self.field_noise = np.asarray(poses.field_sigma_ut * shape)[:, None, None]
+        self.lying = np.linalg.norm(poses.up_face, axis=1) > 0.5
+        # Two directions across each face, from world axes that are never along it.
+        self.across = np.zeros((p, 2, 3))
+        if self.lying.any():
+            face = poses.up_face[self.lying]
+            first = np.cross(face, np.roll(face, 1, axis=1))
+            self.across[self.lying] = np.stack([first, np.cross(face, first)], axis=1)
 
     def _sigmas(self, names: tuple[str, ...], scale: float, cross: float) -> Array:
         kinds = {"scale": scale, "cross": cross, "mounting": self.prior.mounting_rad}
         return np.array([kinds[name.split("_")[0]] for name in names])
 
-    def initial_states(self) -> list[State]:
-        """Starting points: nominal sensors, tilt from the mean of all accelerometers, headings by search.
-
-        The hard iron common to all magnetometers is searched on a grid, and for each value the heading of
-        each pose: with it wrong the alternation of the two stops in side minima. The best few are worth a
-        descent each.
-        """
-        poses, axes = self.poses, self.poses.axes
-        up = poses.accel_mps2.mean(axis=1)
-        up /= np.linalg.norm(up, axis=1)[:, None]
-        tilt = np.array([_any_rotation_with_up(u) for u in up])
-        mean_field = poses.field_ut.mean(axis=1)
-        turns = np.linspace(0, 2 * np.pi, 72, endpoint=False)
-        headings = _exp(np.stack([np.zeros_like(turns), np.zeros_like(turns), turns], axis=1))
-        attitudes = np.einsum("tij,pjk->ptik", headings, tilt)
-
-        centre = mean_field.mean(axis=0)
-        # A step that is a fraction of the field finds the basin; two finer grids go down in it.
-        steps = {2: 13, 3: 7}[axes]
-        radius_ut = poses.field_strength_ut
-        radii_ut = (radius_ut, radius_ut * 2 / steps, radius_ut * 4 / steps**2)
-        starts: list[tuple[float, Array, Array, float]] = []
-        for dip in np.radians([-70.0, -45.0, -15.0, 15.0, 45.0, 60.0, 70.0]):
-            field = np.einsum("ptji,j->pti", attitudes, self._field_world(dip))[..., :axes]
-            offset, cost = centre[None], np.zeros(1)
-            for radius in radii_ut:
-                line = np.linspace(-radius, radius, steps)
-                box = np.stack(np.meshgrid(*[line] * axes, indexing="ij"), axis=-1).reshape(-1, axes)
-                offset = offset[np.argmin(cost)] + box
-                cost = np.zeros(len(offset))
-                for p in range(self.n_poses):
-                    error = mean_field[p] - offset[:, None] - field[p]
-                    cost += np.einsum("oti,oti->ot", error, error).min(axis=1)
-            best = offset[np.argmin(cost)]
-            heading = np.argmin(np.sum((mean_field[:, None] - best - field) ** 2, axis=2), axis=1)
-            starts.append((float(cost.min()), best, heading, float(dip)))
-        starts.sort(key=lambda start: start[0])
-        states = []
-        for _, _, heading, dip in starts[:3]:
-            accel = np.zeros((self.n_accel, self.accel_width))
-            mags = np.zeros((self.n_field, self.field_width))
-            r = attitudes[np.arange(self.n_poses), heading]
-            seen = np.einsum("pji,j->pi", r, self._field_world(dip))[:, :axes]
-            bias = np.mean(poses.field_ut - seen[:, None], axis=0)
-            mags[:, len(self.field_names) :] = bias / self.prior.field_bias_ut
-            states.append(State(accel, mags, r, dip))
-        return states
-
-    def best_headings(self, state: State) -> State | None:
-        """The state with each pose turned about the vertical to where all magnetometers fit best; None if
-        none turns.
-        """
-        par = self.parameters(state)
-        turns = np.linspace(0, 2 * np.pi, 180, endpoint=False)
-        about_up = _exp(np.stack([np.zeros_like(turns), np.zeros_like(turns), turns], axis=1))
-        candidates = np.einsum("tij,pjk->ptik", about_up, state.r_world_bar)
-        field = np.einsum("ptji,j->pti", candidates, self._field_world(state.dip_rad))
-        predicted = np.einsum("nij,ptj->ptni", par.field_matrix, field) + par.field_bias_ut
-        cost = np.sum((predicted - self.poses.field_ut[:, None]) ** 2, axis=(2, 3))
-        best = np.argmin(cost, axis=1)
-        far = (best > 2) & (best < len(turns) - 2)
-        if not far.any():
-            return None
-        r = np.where(far[:, None, None], candidates[np.arange(self.n_poses), best], state.r_world_bar)
-        return State(state.accel, state.field, r, state.dip_rad)
-
-    def _field_world(self, dip_rad: float) -> Array:
-        return self.poses.field_strength_ut * np.array([0.0, np.cos(dip_rad), -np.sin(dip_rad)])
+    def state(self, r_world_bar: Array, dip_rad: float, field_bias_ut: Array | None = None) -> State:
+        """The starting parameters, with attitudes; field_bias_ut: (M, axes) instead of the start's."""
+        field = np.zeros((self.n_field, self.field_width))
+        if field_bias_ut is not None:
+            deviation = field_bias_ut - self.start.field_bias_ut
+            field[:, len(self.field_names) :] = deviation / self.prior.field_bias_ut
+        accel = np.zeros((self.n_accel, self.accel_width))
+        return State(accel, field, r_world_bar, np.zeros((self.n_poses, SWING)), np.zeros(TABLE), dip_rad)
 
     def moved(self, state: State, step: Array) -> State:
+        """The state after a step in all unknowns."""
         split = self.n_accel * self.accel_width
         return State(
             state.accel + step[:split].reshape(state.accel.shape),
             state.field + step[split : self.n_sensor].reshape(state.field.shape),
-            state.r_world_bar @ _exp(step[self.n_sensor : -1].reshape(-1, 3)),
+            state.r_world_bar @ rotation(step[self.n_sensor : self.first_swing].reshape(-1, 3)),
+            state.swing + step[self.first_swing : self.first_table].reshape(-1, SWING),
+            state.table + step[self.first_table : -1],
             state.dip_rad + float(step[-1]) * self.prior.dip_rad,
         )
 
+    def with_field_weights(self, weight: Array) -> Problem:
+        """The same problem, with the field of each pose counting (P,) times as much."""
+        other = copy(self)
+        other.field_noise = self.field_noise / np.sqrt(weight)[:, None, None]
+        return other
+
+    def field_cost(self, state: State) -> Array:
+        """(P,) how badly the field of each pose is explained, mean square in standard deviations."""
+        par = self.parameters(state)
+        field = state.r_world_bar.swapaxes(1, 2) @ field_world_ut(self.poses.field_strength_ut, state.dip_rad)
+        error = np.einsum("nij,pj->pni", par.field_matrix, field) + par.field_bias_ut - self.poses.field_ut
+        return np.asarray(np.mean((error / self.field_noise) ** 2, axis=(1, 2)))
+
     def parameters(self, state: State) -> Parameters:
-        k, n = len(self.accel_names), len(self.field_names)
+        """The sensors of a state."""
+        k, n, start = len(self.accel_names), len(self.field_names), self.start
         return Parameters(
-            np.eye(3) + np.einsum("ak,k,kij->aij", state.accel[:, :k], self.accel_sigma, self.accel_basis),
-            state.accel[:, k:] * self.prior.accel_bias_mps2,
-            np.eye(3)[: self.poses.axes]
+            start.accel_matrix
+            + np.einsum("ak,k,kij->aij", state.accel[:, :k], self.accel_sigma, self.accel_basis),
+            start.accel_bias_mps2 + state.accel[:, k:] * self.prior.accel_bias_mps2,
+            start.field_matrix
             + np.einsum("mk,k,kij->mij", state.field[:, :n], self.field_sigma, self.field_basis),
-            state.field[:, n:] * self.prior.field_bias_ut,
+            start.field_bias_ut + state.field[:, n:] * self.prior.field_bias_ut,
             state.dip_rad,
         )
 
     def linearise(self, state: State) -> tuple[Array, sp.csr_array]:
-        """Residuals (prediction minus reading, in standard deviations, then the priors) and their
-        Jacobian.
+        """Residuals (prediction minus reading, in standard deviations; sides on the table; the priors) and
+        their Jacobian.
         """
         poses, par = self.poses, self.parameters(state)
         up = state.r_world_bar[:, 2, :] * STANDARD_GRAVITY_MPS2
-        field_world = self._field_world(state.dip_rad)
-        field = np.einsum("pji,j->pi", state.r_world_bar, field_world)
-        d_dip = poses.field_strength_ut * np.array([0.0, -np.sin(state.dip_rad), -np.cos(state.dip_rad)])
-        field_by_dip = np.einsum("pji,j->pi", state.r_world_bar, d_dip) * self.prior.dip_rad
+        common = state.swing[:, :3] * poses.swing_mps2[:, None]
+        growing = state.swing[:, 3:] * poses.swing_per_m[:, None]
+        swing = common[:, None] + growing[:, None] * poses.accel_m[:, None]  # (P, A, 3)
+        strength_ut = poses.field_strength_ut
+        field = np.einsum("pji,j->pi", state.r_world_bar, field_world_ut(strength_ut, state.dip_rad))
+        d_dip = field_world_ut(strength_ut, state.dip_rad + np.pi / 2) * self.prior.dip_rad
+        field_by_dip = np.einsum("pji,j->pi", state.r_world_bar, d_dip)
 
+        lever = np.concatenate(
+            [
+                poses.swing_mps2[:, None, None] * np.ones((1, self.n_accel, 1)),
+                poses.swing_per_m[:, None, None] * poses.accel_m[None, :, None],
+            ],
+            axis=2,
+        )
         accel_r, accel_j = self._sensor_block(
-            up, par.accel_matrix, par.accel_bias_mps2, poses.accel_mps2, poses.accel_sigma_mps2,
-            self.accel_basis * self.accel_sigma[:, None, None], self.prior.accel_bias_mps2, 0, None,
+            up, swing, par.accel_matrix, par.accel_bias_mps2, poses.accel_mps2, self.accel_noise,
+            self.accel_basis * self.accel_sigma[:, None, None], self.prior.accel_bias_mps2, 0,
+            lever=lever,
         )  # fmt: skip
         field_r, field_j = self._sensor_block(
-            field, par.field_matrix, par.field_bias_ut, poses.field_ut, poses.field_sigma_ut,
+            field, 0.0, par.field_matrix, par.field_bias_ut, poses.field_ut, self.field_noise,
             self.field_basis * self.field_sigma[:, None, None], self.prior.field_bias_ut,
-            self.n_accel * self.accel_width, field_by_dip,
+            self.n_accel * self.accel_width, by_dip=field_by_dip,
         )  # fmt: skip
-        prior_r = np.concatenate([state.accel.ravel(), state.field.ravel()])
-        prior_j = sp.eye_array(self.n_sensor, self.n_unknown)
-        residual = np.concatenate([accel_r, field_r, prior_r])
-        return residual, sp.csr_array(sp.vstack([accel_j, field_j, prior_j]))
+        face_r, face_j = self._face_block(state)
+        prior_r = np.concatenate([state.accel.ravel(), state.field.ravel(), state.swing.ravel(), state.table])
+        columns = np.r_[0 : self.n_sensor, self.first_swing : self.n_unknown - 1]
+        prior_j = sp.coo_array(
+            (np.ones(len(columns)), (np.arange(len(columns)), columns)), (len(columns), self.n_unknown)
+        )
+        residual = np.concatenate([accel_r, field_r, face_r, prior_r])
+        return residual, sp.csr_array(sp.vstack([accel_j, field_j, face_j, prior_j]))
 
     def _sensor_block(
-        self, vectors: Array, matrix: Array, bias: Array, readings: Array, sigma: float,
-        basis: Array, bias_sigma: float, first_column: int, vectors_by_dip: Array | None,
+        self, vectors: Array, swing: Array | float, matrix: Array, bias: Array, readings: Array, sigma: Array,
+        basis: Array, bias_sigma: float, first_column: int, by_dip: Array | None = None,
+        lever: Array | None = None,
     ) -> tuple[Array, sp.coo_array]:  # fmt: skip
         """Residuals and Jacobian of one kind of sensor: vectors (P, 3) in the bar frame, matrix (N, axes,
-        3).
+        3), sigma (P, 1, 1).
         """
         n_poses, n, axes = readings.shape
-        predicted = np.einsum("nij,pj->pni", matrix, vectors) + bias
+        felt = np.broadcast_to(vectors[:, None] + swing, (n_poses, n, 3))
+        predicted = np.einsum("nij,pnj->pni", matrix, felt) + bias
         residual = (predicted - readings) / sigma
-        by_matrix = np.einsum("kij,pj->pik", basis, vectors) / sigma  # (P, axes, K), the same for all sensors
-        by_bias = np.eye(axes) * (bias_sigma / sigma)
-        own = np.concatenate([by_matrix, np.broadcast_to(by_bias, (n_poses, axes, axes))], axis=2)
-        width = own.shape[2]
+        over = sigma[..., None]
+        by_matrix = np.einsum("kij,pnj->pnik", basis, felt) / over
+        by_bias = np.broadcast_to(np.eye(axes) * bias_sigma, (n_poses, n, axes, axes)) / over
+        own = np.concatenate([by_matrix, by_bias], axis=3)
+        width = own.shape[3]
         # v = R^T w and R -> R exp([d]x) give dv = [v]x d.
-        by_pose = np.einsum("nij,pjk->pnik", matrix, _skew(vectors)) / sigma
+        by_pose = np.einsum("nij,pjk->pnik", matrix, skew(vectors)) / over
 
-        rows = np.arange(n_poses * n * axes).reshape(n_poses, n, axes)
+        rows = np.arange(n_poses * n * axes).reshape(n_poses, n, axes)[..., None]
+        poses = np.arange(n_poses)[:, None, None, None]
         own_columns = first_column + np.arange(n)[None, :, None, None] * width + np.arange(width)
-        pose_columns = self.n_sensor + 3 * np.arange(n_poses)[:, None, None, None] + np.arange(3)
         blocks = [
-            (rows[..., None], own_columns, own[:, None]),
-            (rows[..., None], pose_columns, by_pose),
+            (rows, own_columns, own),
+            (rows, self.n_sensor + 3 * poses + np.arange(3), by_pose),
         ]
-        if vectors_by_dip is not None:
-            by_dip = np.einsum("nij,pj->pni", matrix, vectors_by_dip)[..., None] / sigma
-            blocks.append((rows[..., None], np.array(self.n_unknown - 1), by_dip))
-        data, row, column = [], [], []
-        for r, c, values in blocks:
-            shape = np.broadcast_shapes(r.shape, c.shape, values.shape)
-            row.append(np.broadcast_to(r, shape).ravel())
-            column.append(np.broadcast_to(c, shape).ravel())
-            data.append(np.broadcast_to(values, shape).ravel())
-        jacobian = sp.coo_array(
-            (np.concatenate(data), (np.concatenate(row), np.concatenate(column))), (rows.size, self.n_unknown)
-        )
-        return residual.ravel(), jacobian
+        if by_dip is not None:
+            values = np.einsum("nij,pj->pni", matrix, by_dip)[..., None] / over
+            blocks.append((rows, np.array(self.n_unknown - 1), values))
+        if lever is not None:
+            values = np.concatenate(
+                [matrix[None] * lever[..., None, None, 0], matrix[None] * lever[..., None, None, 1]], axis=3
+            )
+            blocks.append((rows, self.first_swing + SWING * poses + np.arange(SWING), values / over))
+        return residual.ravel(), _assembled(blocks, rows.size, self.n_unknown)
+
+    def _face_block(self, state: State) -> tuple[Array, sp.coo_array]:
+        """Two residuals a pose: the table's normal in the bar frame has no part across the bar's side."""
+        tilt = np.array([*state.table, 0.0]) * self.prior.table_rad
+        normal = np.array([0.0, 0.0, 1.0]) + tilt
+        seen = np.einsum("pji,j->pi", state.r_world_bar, normal)
+        across = self.across / self.prior.face_rad
+        residual = np.einsum("pci,pi->pc", across, seen)
+        by_pose = np.einsum("pci,pij->pcj", across, skew(seen))
+        by_table = np.einsum("pci,pji->pcj", across, state.r_world_bar[:, :2]) * self.prior.table_rad
+        rows = np.arange(residual.size).reshape(*residual.shape, 1)
+        poses = np.arange(self.n_poses)[:, None, None]
+        blocks = [
+            (rows, self.n_sensor + 3 * poses + np.arange(3), by_pose),
+            (rows, self.first_table + np.arange(TABLE), by_table),
+        ]
+        return residual.ravel(), _assembled(blocks, rows.size, self.n_unknown)
 
     def solution(self, state: State, residual: Array, jacobian: sp.csr_array) -> Solution:
+        """The result at the minimum."""
         n_accel = self.n_poses * self.n_accel * 3
         n_data = n_accel + self.n_poses * self.n_field * self.poses.axes
+        n_face = n_data + 2 * self.n_poses
         dof = max(n_data - self.n_sensor - 3 * self.n_poses - 1, 1)
         chi2_per_dof = float(residual[:n_data] @ residual[:n_data]) / dof
         covariance = np.linalg.inv((jacobian.T @ jacobian).toarray())
@@ -237,6 +236,7 @@ class Problem:
             r_world_bar=state.r_world_bar,
             accel_residual=residual[:n_accel].reshape(self.n_poses, self.n_accel, 3),
             field_residual=residual[n_accel:n_data].reshape(self.n_poses, self.n_field, self.poses.axes),
+            face_residual=residual[n_data:n_face].reshape(self.n_poses, 2),
             chi2_per_dof=chi2_per_dof,
         )
 
@@ -249,6 +249,7 @@ class Problem:
         )
 
     def names(self) -> tuple[str, ...]:
+        """What the values of a solution are: `slot3.mounting_x` ..., the dip last."""
         letters = "xyz"
         accel = [*self.accel_names, *(f"bias_{c}_mps2" for c in letters)]
         field = [*self.field_names, *(f"bias_{c}_ut" for c in letters[: self.poses.axes])]
@@ -259,9 +260,14 @@ class Problem:
         )
 
 
-def _any_rotation_with_up(up: Array) -> Array:
-    """R (world from body, heading arbitrary) whose third row is the unit vector `up` of the body frame."""
-    helper = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    north = np.cross(up, helper)
-    north /= np.linalg.norm(north)
-    return np.stack([np.cross(north, up), north, up])
+def _assembled(blocks: list[tuple[Array, Array, Array]], rows: int, columns: int) -> sp.coo_array:
+    """A sparse matrix of blocks of (rows, columns, values), each broadcast to one shape."""
+    data, row, column = [], [], []
+    for r, c, values in blocks:
+        shape = np.broadcast_shapes(r.shape, c.shape, values.shape)
+        row.append(np.broadcast_to(r, shape).ravel())
+        column.append(np.broadcast_to(c, shape).ravel())
+        data.append(np.broadcast_to(values, shape).ravel())
+    return sp.coo_array(
+        (np.concatenate(data), (np.concatenate(row), np.concatenate(column))), (rows, columns)
+    )

@@ -4,8 +4,13 @@ On a straight bar every sensor of the ribbon has the same attitude, unknown but 
 R_p (world from bar) makes accelerometer i read  S_i R_p^T (0, 0, g) + b_i  and magnetometer k read
 T_k R_p^T B + h_k, where B is the local field, S_i and T_k hold scale, cross-axis, soft iron and mounting,
 b_i and h_k bias and hard iron. All S, b, T, h, the attitudes and the dip angle are found together by
-Gauss-Newton on the sparse normal equations. What no pose can tell, a rotation common to all sensors against
-the ribbon, is held by the prior that mountings scatter around nominal.
+Gauss-Newton on the sparse normal equations. What is left of the hand's acceleration is an unknown of each
+pose, as far as it is known to be there.
+
+What no held pose can tell is a rotation common to all sensors against the bar. Poses in which the bar lies on
+a table tell it: a side that lies flat is parallel to the same plane before and after the bar is turned end
+for end, however the table tilts, as with a spirit level. Without them it is held by the prior that mountings
+scatter around nominal.
 """
 
 from __future__ import annotations
@@ -15,12 +20,22 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ribbonhost.calibrate.bar_problem import Problem, State
-from ribbonhost.calibrate.sensor_errors import Array, Poses, Prior, Solution
+from ribbonhost.calibrate.bar_start import best_headings, initial_states, tilts, with_headings
+from ribbonhost.calibrate.sensor_errors import Array, Parameters, Poses, Prior, Solution
 from ribbonhost.errors import CalibrationError
 
 MAX_ITERATIONS = 60
 MAX_REHEADINGS = 8
-CONVERGED_STEP = 1e-9  # in prior standard deviations and radians
+CONVERGED_STEP = 1e-6  # in prior standard deviations and radians
+ROUGH_ROUNDS = 8
+ROUGH_ITERATIONS = 8
+FAR_OFF = 3.0
+"""A pose whose field fits worse than that of most by this factor counts half at first."""
+STARTS = (2, 5)
+"""How many starting points are tried, and how many in all if none of the first explains the readings."""
+CHI2_EXPLAINED = 2.0
+
+_Result = tuple[State, Array, sp.csr_array]
 
 
 def solve(poses: Poses, prior: Prior | None = None) -> Solution:
@@ -28,35 +43,84 @@ def solve(poses: Poses, prior: Prior | None = None) -> Solution:
 
     Raises CalibrationError when the poses do not determine them (numerically singular or no convergence).
     """
-    prior = prior or Prior()
-    problem = Problem(poses, prior)
-    results = []
-    for start in problem.initial_states():
-        result = _descend(problem, start)
-        # With two axes a single pose can sit on the wrong one of two headings: the solved sensors tell.
-        for _ in range(MAX_REHEADINGS):
-            turned = problem.best_headings(result[0])
-            if turned is None:
-                break
-            again = _descend(problem, turned)
-            if float(again[1] @ again[1]) >= float(result[1] @ result[1]):
-                break
-            result = again
-        results.append(result)
-    state, residual, jacobian = min(results, key=lambda result: float(result[1] @ result[1]))
-    if not np.all(np.isfinite(residual)):
-        raise CalibrationError(
-            "the poses do not determine the calibration: turn the bar through more attitudes"
-        )
-    return problem.solution(state, residual, jacobian)
+    problem = Problem(poses, prior or Prior())
+    states = initial_states(problem, STARTS[1])
+    best = _best(problem, states[: STARTS[0]])
+    if problem.solution(*best).chi2_per_dof > CHI2_EXPLAINED:
+        best = min(best, _best(problem, states[STARTS[0] :]), key=_cost)
+    return problem.solution(*best)
 
 
-def _descend(problem: Problem, state: State) -> tuple[State, Array, sp.csr_array]:
+def refine(poses: Poses, start: Parameters, prior: Prior) -> Solution:
+    """Moves parameters that are known, by no more than the prior lets them, to where they explain the poses.
+
+    Raises CalibrationError as `solve`.
+    """
+    problem = Problem(poses, prior, start)
+    r, _ = with_headings(poses, start, tilts(calibrated(poses, start)))
+    best = _with_headings(problem, problem.state(r, start.dip_rad))
+    if not np.all(np.isfinite(best[1])):
+        raise _undetermined()
+    return problem.solution(*best)
+
+
+def calibrated(poses: Poses, parameters: Parameters) -> Poses:
+    """The poses with their accelerometers as the parameters say that they should read."""
+    accel = np.linalg.solve(
+        parameters.accel_matrix, (poses.accel_mps2 - parameters.accel_bias_mps2)[..., None]
+    )[..., 0]
+    accel = np.asarray(accel, dtype=np.float64)
+    return Poses(accel, poses.field_ut, poses.accel_sigma_mps2, poses.field_sigma_ut, poses.field_strength_ut)
+
+
+def _best(problem: Problem, states: list[State]) -> _Result:
+    result = min((_with_headings(problem, start) for start in states), key=_cost)
+    if not np.all(np.isfinite(result[1])):
+        raise _undetermined()
+    return result
+
+
+def _undetermined() -> CalibrationError:
+    return CalibrationError("the poses do not determine the calibration: turn the bar through more attitudes")
+
+
+def _cost(result: _Result) -> float:
+    cost = float(result[1] @ result[1])
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _with_headings(problem: Problem, start: State) -> _Result:
+    """A descent; with two axes a pose can sit on the wrong one of two headings, which solved sensors tell.
+
+    First the poses whose field fits worse than that of most count for little, lest they spoil the sensors
+    that must tell.
+    """
+    for _ in range(ROUGH_ROUNDS):
+        cost = problem.field_cost(start)
+        rough = problem.with_field_weights(1.0 / (1.0 + cost / (FAR_OFF * np.median(cost))))
+        start = _descend(rough, start, ROUGH_ITERATIONS)[0]
+        turned = best_headings(problem, start)
+        if turned is None:
+            break
+        start = turned
+    result = _descend(problem, start)
+    for _ in range(MAX_REHEADINGS):
+        turned = best_headings(problem, result[0])
+        if turned is None:
+            break
+        again = _descend(problem, turned)
+        if _cost(again) >= _cost(result):
+            break
+        result = again
+    return result
+
+
+def _descend(problem: Problem, state: State, iterations: int = MAX_ITERATIONS) -> _Result:
     """Levenberg-Marquardt from one starting point."""
     damping = 1e-3
     residual, jacobian = problem.linearise(state)
     cost = float(residual @ residual)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(iterations):
         normal = (jacobian.T @ jacobian).tocsc()
         gradient = jacobian.T @ residual
         step = splu(normal + damping * sp.diags(normal.diagonal()).tocsc()).solve(-gradient)
