@@ -81,15 +81,6 @@ bool calibration_use(struct calibration *calibration, const uint8_t *record, uin
     return false;
 }
 
-void calibration_apply(const struct wire_slot_calibration *slot, const float v_part[3], float v_node[3]) {
-    const float v[3] = {v_part[0] - slot->offset[0], v_part[1] - slot->offset[1],
-                        v_part[2] - slot->offset[2]};
-    for (unsigned row = 0; row < 3u; row++) {
-        const float *const m = slot->matrix + 3u * row;
-        v_node[row] = m[0] * v[0] + m[1] * v[1] + m[2] * v[2];
-    }
-}
-
 void calibration_blind_direction(const struct wire_slot_calibration *slot, float direction[3]) {
     for (unsigned row = 0; row < 3u; row++)
         direction[row] = slot->matrix[3u * row + 2u];

@@ -33,7 +33,16 @@ bool calibration_accepts(struct calibration *calibration, const uint8_t *record)
 bool calibration_use(struct calibration *calibration, const uint8_t *record, uint32_t sequence);
 
 /* v_node = matrix * (v_part - offset), all in SI units. */
-void calibration_apply(const struct wire_slot_calibration *slot, const float v_part[3], float v_node[3]);
+static inline void calibration_apply(const struct wire_slot_calibration *slot, const float v_part[3],
+                                     float v_node[3]) {
+    const float *const m = slot->matrix;
+    const float x = v_part[0] - slot->offset[0];
+    const float y = v_part[1] - slot->offset[1];
+    const float z = v_part[2] - slot->offset[2];
+    v_node[0] = m[0] * x + m[1] * y + m[2] * z;
+    v_node[1] = m[3] * x + m[4] * y + m[5] * z;
+    v_node[2] = m[6] * x + m[7] * y + m[8] * z;
+}
 
 /* The direction in the node frame of what the part reads along its z axis: the third column of its matrix, of
  * length 1; the node's z if that is zero. */

@@ -1,15 +1,12 @@
 /* Frames on the link: COBS(packet + CRC-16), ended by a zero byte; and the CRCs of packets and records. */
 #include "framing.h"
 
-/* Remainders of the sixteen values of four bits: a table of 32 bytes is half as fast as one of 512, and
- * ample. */
+/* Eight steps of the polynomial x^16 + x^12 + x^5 + 1 at once: its feedback reaches no bit of a byte twice
+ * but by x^12, four bits on. */
 static uint16_t crc16_byte(uint16_t crc, uint8_t byte) {
-    static const uint16_t remainder[16] = {
-        0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
-        0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF,
-    };
-    crc = (uint16_t)(crc << 4 ^ remainder[crc >> 12 ^ byte >> 4]);
-    return (uint16_t)(crc << 4 ^ remainder[crc >> 12 ^ (byte & 15)]);
+    uint32_t x = (uint32_t)(crc >> 8 ^ byte);
+    x ^= x >> 4;
+    return (uint16_t)((uint32_t)crc << 8 ^ x << 12 ^ x << 5 ^ x);
 }
 
 uint16_t framing_crc16(const uint8_t *bytes, size_t n) {

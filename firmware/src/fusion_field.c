@@ -16,6 +16,13 @@ static float capped(float cost, float cost_max) {
     return cost < cost_max ? cost : cost_max;
 }
 
+/* The field that goes with a root. */
+static void explain(const struct fusion_params *params, const struct two_axis_root *root, const float up[3],
+                    float field_ut[3]) {
+    for (unsigned axis = 0; axis < 3u; axis++)
+        field_ut[axis] = params->field_horizontal_ut * root->north[axis] - params->field_down_ut * up[axis];
+}
+
 /* The cost of a field that differs from the last one of its node. */
 static float time_cost(const struct fusion_params *params, const struct fusion_state *state,
                        const struct fusion_derived *derived, unsigned k, const float field_ut[3]) {
@@ -27,42 +34,59 @@ static float time_cost(const struct fusion_params *params, const struct fusion_s
     return capped(step_squared / (tolerance_ut * tolerance_ut), params->branch_cost_max);
 }
 
-static void complete(const struct fusion_params *params, const struct fusion_state *state,
-                     const struct fusion_derived *derived, struct fusion_scan *scan) {
-    const float horizontal_ut = params->field_horizontal_ut;
-    const float down_ut = params->field_down_ut;
+/* The variance of what is measured of the field at node k, with what up says of it, uT^2. */
+static float variance_of(const struct fusion_params *params, const struct fusion_derived *derived,
+                         const struct fusion_scan *scan, unsigned k) {
     const float error_ut = params->field_error * derived->field_ut;
-    struct two_axis_root roots[NODES][2];
+    return scan->field_noise_variance[k] + error_ut * error_ut +
+           scan->tilt_variance[k] * params->field_down_ut * params->field_down_ut;
+}
+
+/* Which of its roots every node takes, if some node has two. */
+static void choose(const struct fusion_params *params, const struct fusion_state *state,
+                   const struct fusion_derived *derived, struct fusion_scan *scan,
+                   const struct two_axis_root roots[NODES][2], const uint8_t counts[NODES],
+                   uint8_t chosen[NODES]) {
     struct branch_node branches[NODES];
     for (unsigned k = 0; k < NODES; k++) {
         struct branch_node *const branch = &branches[k];
-        branch->count = 0u;
-        if (!scan->field_valid[k] || !scan->up_valid[k])
-            continue;
-        const float variance =
-            scan->field_noise_variance[k] + error_ut * error_ut + scan->tilt_variance[k] * down_ut * down_ut;
-        branch->count =
-            (uint8_t)two_axis_solve(scan->up[k], params->blind[k], scan->field_ut[k], horizontal_ut, down_ut,
-                                    MISFIT_MAX_SIGMAS * sqrtf(variance), roots[k]);
+        const float variance = variance_of(params, derived, scan, k);
         float fit[2] = {0.0f, 0.0f};
-        for (unsigned i = 0; i < branch->count; i++) {
-            for (unsigned axis = 0; axis < 3u; axis++)
-                branch->field[i][axis] =
-                    horizontal_ut * roots[k][i].north[axis] - down_ut * scan->up[k][axis];
+        branch->count = counts[k];
+        for (unsigned i = 0; i < counts[k]; i++) {
+            explain(params, &roots[k][i], scan->up[k], branch->field[i]);
             fit[i] = two_axis_cost(&roots[k][i]) / variance;
             branch->cost[i] = fit[i] + time_cost(params, state, derived, k, branch->field[i]);
         }
-        scan->is_ambiguous[k] = branch->count == 2u && fit[1] - fit[0] < params->ambiguous_cost;
+        scan->is_ambiguous[k] = counts[k] == 2u && fit[1] - fit[0] < params->ambiguous_cost;
     }
-
-    uint8_t chosen[NODES];
     branch_choose(branches, params->branch_step * derived->field_ut, params->branch_cost_max, chosen);
+}
+
+static void complete(const struct fusion_params *params, const struct fusion_state *state,
+                     const struct fusion_derived *derived, struct fusion_scan *scan) {
+    struct two_axis_root roots[NODES][2];
+    uint8_t counts[NODES];
+    uint8_t chosen[NODES] = {0u};
+    bool is_choice = false;
     for (unsigned k = 0; k < NODES; k++) {
-        scan->field_valid[k] = branches[k].count > 0u;
+        counts[k] = 0u;
+        if (!scan->field_valid[k] || !scan->up_valid[k])
+            continue;
+        const float misfit_max_ut = MISFIT_MAX_SIGMAS * sqrtf(variance_of(params, derived, scan, k));
+        counts[k] = (uint8_t)two_axis_solve(scan->up[k], params->blind[k], scan->field_ut[k],
+                                            params->field_horizontal_ut, params->field_down_ut, misfit_max_ut,
+                                            roots[k]);
+        is_choice = is_choice || counts[k] == 2u;
+    }
+    if (is_choice)
+        choose(params, state, derived, scan, (const struct two_axis_root(*)[2])roots, counts, chosen);
+    for (unsigned k = 0; k < NODES; k++) {
+        scan->field_valid[k] = counts[k] > 0u;
         if (!scan->field_valid[k])
             continue;
         const struct two_axis_root *const root = &roots[k][chosen[k]];
-        memcpy(scan->field_ut[k], branches[k].field[chosen[k]], sizeof scan->field_ut[k]);
+        explain(params, root, scan->up[k], scan->field_ut[k]);
         memcpy(scan->misfit_ut[k], root->misfit, sizeof scan->misfit_ut[k]);
         scan->sensitivity_ut[k] = root->sensitivity;
     }

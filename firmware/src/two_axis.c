@@ -6,9 +6,8 @@
 /* A slope below this has no direction that floats could tell; it does not matter either. */
 static const float SLOPE_MIN = 1e-3f;
 
-/* Newton's method is quadratic: after a step as small as this the next one would be below what floats
- * resolve. */
-static const float STEP_DONE = 3e-4f;
+/* Newton's method is quadratic: after a step as small as this the next one would be of some 1e-6 rad. */
+static const float STEP_DONE = 1e-3f;
 enum { NEWTON_STEPS_MAX = 8 };
 
 /* A step of more than half a radian leaves the region in which the linearisation means anything. */
@@ -16,6 +15,9 @@ static const float STEP_MAX = 0.5f;
 
 /* Roots nearer than this (radians) are one. */
 static const float SEPARATION_MIN = 0.02f;
+
+/* An ellipse as narrow as this tells next to nothing along it. */
+static const float NARROW = 0.3f;
 
 /* A point (cos, sin) of the unit circle that stands for (cos, w sin) of the ellipse; p is the measured point.
  */
@@ -68,8 +70,8 @@ unsigned two_axis_solve(const float up[3], const float blind[3], const float fie
         across(blind, along);
     float level[3];
     vec3_cross(blind, along, level);
-    float uphill[3]; /* across up and level */
-    vec3_cross(up, level, uphill);
+    float uphill[3] = {slope * blind[0], slope * blind[1], slope * blind[2]}; /* up x level */
+    vec3_add_scaled(uphill, -up_blind, along);
 
     /* north = c * level + s * uphill projects to c level, and -(up . blind) s along. */
     const float w = -up_blind;
@@ -78,11 +80,21 @@ unsigned two_axis_solve(const float up[3], const float blind[3], const float fie
         (vec3_dot(field_ut, along) + down_ut * slope) / horizontal_ut,
     };
 
-    /* One start a side, above the measured point; first on the side that it is nearer to. */
-    const float c_start = p[0] > 1.0f ? 1.0f : p[0] < -1.0f ? -1.0f : p[0];
-    float s_start = sqrtf(1.0f - c_start * c_start);
-    if (p[1] * w < 0.0f)
-        s_start = -s_start;
+    /* One start a side, first on the side that the measured point is nearer to: where the ellipse would be
+     * stretched to a circle, or, if it is narrow, above the point. */
+    float c_start;
+    float s_start;
+    const float stretched = sqrtf(w * w * p[0] * p[0] + p[1] * p[1]);
+    if (fabsf(w) > NARROW && stretched > NARROW * fabsf(w)) {
+        const float scale = (w < 0.0f ? -1.0f : 1.0f) / stretched;
+        c_start = scale * w * p[0];
+        s_start = scale * p[1];
+    } else {
+        c_start = p[0] > 1.0f ? 1.0f : p[0] < -1.0f ? -1.0f : p[0];
+        s_start = sqrtf(1.0f - c_start * c_start);
+        if (p[1] * w < 0.0f)
+            s_start = -s_start;
+    }
     unsigned count = 0u;
     for (unsigned side = 0; side < 2u; side++) {
         const struct ellipse_point point = nearest_from(c_start, side == 0u ? s_start : -s_start, p, w);

@@ -107,6 +107,7 @@ static inline bool wire_smallest_three(const float q[4], float levels, uint32_t 
     const float norm2 = (q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3]);
     if (!(norm2 >= FLT_MIN && norm2 <= FLT_MAX))
         return false;
+    static const uint8_t others[4][3] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
     unsigned largest = 0;
     for (unsigned i = 1; i < 4; i++)
         if (fabsf(q[i]) > fabsf(q[largest]))
@@ -116,15 +117,12 @@ static inline bool wire_smallest_three(const float q[4], float levels, uint32_t 
     const float inverse = 1.0f / (q[largest] * scale);
 
     float error[3], ratio[3], s = 0.0f;
-    for (unsigned i = 0, k = 0; i < 4; i++) {
-        if (i == largest)
-            continue;
-        const float x = q[i] * scale;
+    for (unsigned k = 0; k < 3; k++) {
+        const float x = q[others[largest][k]] * scale;
         codes[k] = (uint32_t)(x + (levels + 0.5f));
         error[k] = ((float)codes[k] - levels) - x;
         ratio[k] = x * inverse;
         s += ratio[k] * error[k];
-        k++;
     }
     unsigned best = 3;
     float least = 0.0f;

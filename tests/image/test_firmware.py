@@ -54,24 +54,17 @@ def test_info_tells_board_parts_and_serial_number() -> None:
         assert list(session.info.slots.part) == [1, 2] * 16
 
 
-def test_build_tells_its_budgets_and_they_are_kept() -> None:
-    built()
-    (Path(built()).with_suffix(".elf")).unlink()
-    result = make()
-    assert result.returncode == 0, result.stderr
-    numbers = re.search(
-        r"flash (\d+) of 65536 bytes, static RAM (\d+) of 32768, stack (\d+) of 4096 at worst", result.stdout
-    )
-    assert numbers is not None, result.stdout
-    assert all(int(n) > 1000 for n in numbers.groups())
-
-
-def test_two_builds_are_byte_identical(tmp_path: Path) -> None:
+def test_second_build_is_byte_identical_and_tells_its_budgets(tmp_path: Path) -> None:
     first = built().with_suffix(".bin")
     make()
     result = make(f"OUT={tmp_path}")
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "ribbon.bin").read_bytes() == first.read_bytes()
+    numbers = re.search(
+        r"flash (\d+) of 65536 bytes, static RAM (\d+) of 32768, stack (\d+) of 4096 at worst", result.stdout
+    )
+    assert numbers is not None, result.stdout
+    assert all(int(n) > 1000 for n in numbers.groups())
 
 
 def test_tick_at_50_khz_with_floating_point_changes_no_orientation() -> None:
@@ -83,7 +76,7 @@ def test_tick_at_50_khz_with_floating_point_changes_no_orientation() -> None:
     ticks = struct.unpack("<I", ribbon.mcu.peek(read_elf(elf).symbols["stress_ticks"], 4))[0]
     assert ticks == pytest.approx(50_000 * ribbon.now_s, rel=0.02)
     assert ribbon.mcu.counters.fp_frames > 0.9 * ticks
-    replayed = replay(*ribbon.mcu.end_log(), ribbon.device.baud)
+    replayed = replay(*ribbon.mcu.end_log())
     assert replayed.matches(session.orients)
     assert len(session.orients) > 140
     assert ribbon.mcu.violation == ""

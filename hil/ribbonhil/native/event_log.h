@@ -5,10 +5,11 @@
 #include <stdint.h>
 
 enum logged_kind {
-    LOGGED_LOOK,    /* at the clock, which showed t_us */
-    LOGGED_BYTE,    /* `out` to the sensor string, `in` from there */
-    LOGGED_PULSE,   /* on SEL_CLK, with SEL_DATA = out */
-    LOGGED_RECEIVED /* `in` from the link */
+    LOGGED_LOOK,     /* at the clock, which showed t_us */
+    LOGGED_BYTE,     /* `out` to the sensor string, `in` from there */
+    LOGGED_PULSE,    /* on SEL_CLK, with SEL_DATA = out */
+    LOGGED_RECEIVED, /* `in` from the link */
+    LOGGED_SENT      /* it learnt that what it was sending is out */
 };
 
 struct logged_event {

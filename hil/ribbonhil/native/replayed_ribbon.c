@@ -8,8 +8,7 @@
 #include "app_state.h" /* memory for an app is this file's to provide */
 #include "port/host/host_board.h"
 
-#define READ_CHUNK    1024u
-#define LAST_BYTES_NS 1000000000u
+#define SENT_CHUNK 65536u
 
 struct replayed_ribbon {
     struct board board;
@@ -22,10 +21,38 @@ struct replayed_ribbon {
     size_t sent_count, sent_capacity;
 };
 
-/* What comes from the link between two things that the firmware does is there when it looks for it next. */
-static void receive(struct replayed_ribbon *ribbon) {
-    while (ribbon->next < ribbon->count && ribbon->events[ribbon->next].kind == LOGGED_RECEIVED) {
-        host_board_write(&ribbon->board, &ribbon->events[ribbon->next++].in, 1);
+/* Ends the send in progress: how long it took is in the log, not in a baud rate. */
+static void take_sent(struct replayed_ribbon *ribbon) {
+    struct board *const board = &ribbon->board;
+    const size_t n = board->tx_count - board->tx_taken;
+    if (ribbon->sent_count + n > ribbon->sent_capacity) {
+        const size_t capacity = 2u * ribbon->sent_capacity + SENT_CHUNK;
+        uint8_t *const larger = realloc(ribbon->sent, capacity);
+        if (larger == NULL) {
+            ribbon->is_over = true;
+            return;
+        }
+        ribbon->sent = larger;
+        ribbon->sent_capacity = capacity;
+    }
+    if (n > 0) {
+        memcpy(ribbon->sent + ribbon->sent_count, board->tx + board->tx_taken, n);
+    }
+    ribbon->sent_count += n;
+    board->tx_taken = board->tx_count;
+}
+
+/* What happens on the link between two things that the firmware does is there when it looks for it next. */
+static void live_through_link(struct replayed_ribbon *ribbon) {
+    for (; ribbon->next < ribbon->count; ribbon->next++) {
+        const struct logged_event *const event = &ribbon->events[ribbon->next];
+        if (event->kind == LOGGED_RECEIVED) {
+            host_board_write(&ribbon->board, &event->in, 1);
+        } else if (event->kind == LOGGED_SENT) {
+            take_sent(ribbon);
+        } else {
+            break;
+        }
     }
 }
 
@@ -41,7 +68,7 @@ static const struct logged_event *follow(struct replayed_ribbon *ribbon, enum lo
         return NULL;
     }
     ribbon->next++;
-    receive(ribbon);
+    live_through_link(ribbon);
     return event;
 }
 
@@ -66,7 +93,7 @@ static void select_clock(void *context, uint64_t t_ns, bool data) {
     (void)follow(context, LOGGED_PULSE, data);
 }
 
-struct replayed_ribbon *replayed_ribbon_new(const struct logged_event *events, size_t count, uint32_t baud) {
+struct replayed_ribbon *replayed_ribbon_new(const struct logged_event *events, size_t count) {
     struct replayed_ribbon *const ribbon = calloc(1, sizeof *ribbon);
     if (ribbon == NULL) {
         return NULL;
@@ -74,7 +101,6 @@ struct replayed_ribbon *replayed_ribbon_new(const struct logged_event *events, s
     ribbon->events = events;
     ribbon->count = count;
     host_board_init(&ribbon->board);
-    ribbon->board.baud = baud;
     ribbon->board.bus =
         (struct host_bus){.context = ribbon, .transfer = transfer, .select_clock = select_clock};
     ribbon->board.clock = (struct host_clock){.context = ribbon, .look_us = look_us};
@@ -88,33 +114,13 @@ void replayed_ribbon_free(struct replayed_ribbon *ribbon) {
     }
 }
 
-static void take_sent_bytes(struct replayed_ribbon *ribbon) {
-    uint8_t bytes[READ_CHUNK];
-    size_t n;
-    while ((n = host_board_read(&ribbon->board, bytes, sizeof bytes)) > 0) {
-        if (ribbon->sent_count + n > ribbon->sent_capacity) {
-            const size_t capacity = 2u * ribbon->sent_capacity + READ_CHUNK;
-            uint8_t *const larger = realloc(ribbon->sent, capacity);
-            if (larger == NULL) {
-                return;
-            }
-            ribbon->sent = larger;
-            ribbon->sent_capacity = capacity;
-        }
-        memcpy(ribbon->sent + ribbon->sent_count, bytes, n);
-        ribbon->sent_count += n;
-    }
-}
-
 size_t replayed_ribbon_run(struct replayed_ribbon *ribbon) {
-    receive(ribbon);
+    live_through_link(ribbon);
     app_init(&ribbon->app, &ribbon->board);
     while (!ribbon->is_over) {
-        take_sent_bytes(ribbon);
         app_poll(&ribbon->app);
     }
-    ribbon->board.t_ns += LAST_BYTES_NS;
-    take_sent_bytes(ribbon);
+    take_sent(ribbon);
     return ribbon->next;
 }
 

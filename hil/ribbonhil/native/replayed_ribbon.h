@@ -11,7 +11,7 @@ struct replayed_ribbon;
 
 /* A ribbon that starts from reset with an erased store. The events must outlive it. A null pointer if there
  * is no memory. */
-struct replayed_ribbon *replayed_ribbon_new(const struct logged_event *events, size_t count, uint32_t baud);
+struct replayed_ribbon *replayed_ribbon_new(const struct logged_event *events, size_t count);
 void replayed_ribbon_free(struct replayed_ribbon *ribbon);
 
 /* Runs through the events, and returns how many of them the firmware followed: all, or those before the first

@@ -45,9 +45,9 @@ class _Sent:
         return 0
 
 
-def replay(log: Any, events: int, baud: int) -> Replay:
+def replay(log: Any, events: int) -> Replay:
     """Lets the firmware on the host board live through a log (Mcu.end_log). Raises MemoryError."""
-    ribbon = lib.replayed_ribbon_new(ffi.cast("struct logged_event *", _address(log)), events, baud)
+    ribbon = lib.replayed_ribbon_new(ffi.cast("struct logged_event *", _address(log)), events)
     if ribbon == ffi.NULL:
         raise MemoryError("no memory for a replayed ribbon")
     try:

@@ -128,7 +128,7 @@ def run(options: RunOptions) -> RunReport:
     profile = by_function(program, ribbon.mcu.end_profile()) if program is not None else {}
     frames = len(session.orients) - first
     status = session.current_status()
-    replayed = replay(*log, device.baud)
+    replayed = replay(*log)
     return RunReport(
         frames=frames,
         crc_errors=session.crc_errors,

@@ -1,4 +1,6 @@
 /* The sensor string: SPI1 in mode 3, and the two wires of the select chain. */
+#include <string.h>
+
 #include BOARD_HEADER
 #include "port.h"
 
@@ -8,19 +10,20 @@
 #define SELECT_PHASE_LOOPS                                                                                   \
     4u /* of 3 cycles: 71 ns. 74HC logic needs 30 ns at 3.3 V, the rest is for the wires */
 
-void bus_start(const struct clocks *clocks) {
+void bus_start(struct board *board) {
     RCC->APB2ENR |= RCC_APB2ENR_SPI1EN;
     (void)RCC->APB2ENR;
 
     gpio_write(BOARD_SEL_CLK, false);
     gpio_write(BOARD_SEL_DATA, true);
+    board->sel_data = true;
     gpio_set_up_output(BOARD_SEL_CLK);
     gpio_set_up_output(BOARD_SEL_DATA);
 
     /* SPI before its pins: SCK then idles high from the first moment on. A string that is not plugged in
      * reads as ones. */
     uint32_t divider_code = 0;
-    while (divider_code < 7 && clocks->pclk2_hz >> (divider_code + 1) > SPI_HZ_MAX) {
+    while (divider_code < 7 && board->clocks.pclk2_hz >> (divider_code + 1) > SPI_HZ_MAX) {
         divider_code++;
     }
     SPI1->CR1 =
@@ -34,11 +37,18 @@ void bus_start(const struct clocks *clocks) {
 
 void board_spi_transfer(struct board *board, const uint8_t *tx, uint8_t *rx, size_t n) {
     (void)board;
+    /* Each byte is taken before the next one starts: an interrupt may come at any time, and there is no
+     * buffer.
+     */
+    uint32_t polls = POLLS_MAX;
     for (size_t i = 0; i < n; i++) {
         SPI1->DR = tx[i];
-        const bool received = poll_until(&SPI1->SR, SPI_SR_RXNE, SPI_SR_RXNE, POLLS_MAX);
-        rx[i] = received ? (uint8_t)SPI1->DR : 0xFF;
+        while ((SPI1->SR & SPI_SR_RXNE) == 0 && polls > 0)
+            polls--;
+        rx[i] = (uint8_t)SPI1->DR;
     }
+    if (polls == 0)
+        memset(rx, 0xFF, n);
     /* The last bit's second half is still on the wire when RXNE comes; nothing may be deselected before. */
     (void)poll_until(&SPI1->SR, SPI_SR_BSY, 0, POLLS_MAX);
 }
@@ -49,10 +59,12 @@ static inline void hold(void) {
 }
 
 void board_select_clock(struct board *board, bool data) {
-    (void)board;
-    gpio_write(BOARD_SEL_DATA, data);
-    hold();
+    if (data != board->sel_data) {
+        gpio_write(BOARD_SEL_DATA, data);
+        board->sel_data = data;
+        hold();
+    }
     gpio_write(BOARD_SEL_CLK, true);
     hold();
-    gpio_write(BOARD_SEL_CLK, false);
+    gpio_write(BOARD_SEL_CLK, false); /* the way to the next pulse is longer than it must be low */
 }

@@ -24,6 +24,8 @@ struct board {
     volatile uint32_t rx_head;
     volatile uint32_t rx_tail;
 
+    bool sel_data; /* what SEL_DATA carries */
+
     volatile bool sending;
     volatile bool send_ended; /* since board_wait_until looked last */
     volatile bool slept;      /* SysTick has run down */
@@ -59,7 +61,7 @@ static inline void gpio_write(uint32_t pin, bool high) {
 void time_start(const struct clocks *clocks);
 
 /* bus.c */
-void bus_start(const struct clocks *clocks);
+void bus_start(struct board *board);
 
 /* link.c */
 void link_start(struct board *board);

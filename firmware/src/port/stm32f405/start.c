@@ -11,7 +11,7 @@ void board_start(struct board *board) {
     gpio_start();
     gpio_set_up_output(BOARD_LED);
     temperature_start();
-    bus_start(&board->clocks);
+    bus_start(board);
     link_start(board);
 }
 

@@ -30,10 +30,13 @@ static unsigned link_stream(const struct mcu *mcu) {
     return mcu->wiring.link_usart == 2 ? 6 : 3;
 }
 
+static bool is_complete(const struct mcu *mcu, unsigned index) {
+    return (mcu->dma_flags[index >> 2] >> flag_shift(index) & FLAG_TRANSFER_COMPLETE) != 0;
+}
+
 static void update_interrupt(struct mcu *mcu) {
     const unsigned stream = link_stream(mcu);
-    const uint32_t flags = mcu->dma_flags[stream >> 2] >> flag_shift(stream);
-    const bool wanted = (flags & FLAG_TRANSFER_COMPLETE) != 0 && (mcu->dma[stream].cr & CR_TCIE) != 0;
+    const bool wanted = is_complete(mcu, stream) && (mcu->dma[stream].cr & CR_TCIE) != 0;
     nvic_set_line(mcu, stream == 6 ? EXCEPTION_DMA1_STREAM6 : EXCEPTION_DMA1_STREAM3, wanted);
 }
 
@@ -115,7 +118,12 @@ static void start(struct mcu *mcu, unsigned index) {
 void dma_write(struct mcu *mcu, unsigned instance, uint32_t offset, uint32_t value) {
     (void)instance;
     if (offset == LIFCR || offset == HIFCR) {
+        const unsigned index = link_stream(mcu);
+        const bool was_complete = is_complete(mcu, index);
         mcu->dma_flags[(offset - LIFCR) / 4] &= ~value;
+        if (was_complete && !is_complete(mcu, index)) {
+            mcu_log(mcu, LOGGED_SENT, 0, 0, 0);
+        }
         update_interrupt(mcu);
         return;
     }
