@@ -19,7 +19,14 @@ READ_BYTES = 4096
 POLL_S = 0.1
 """How often a reader that hears nothing looks whether it shall stop."""
 
+UNANSWERED_S = 3.0
+"""A TCP connection whose bytes nobody acknowledges for so long is gone, where the system can say so."""
+
 EMULATOR_SCHEME = "emulated://"
+
+
+OnBytes = Callable[[bytes, float], None]
+OnLost = Callable[[LinkLostError], None]
 
 
 class Port(Protocol):
@@ -40,12 +47,14 @@ class Link:
 
     Attributes:
         name: what the user typed to open the port.
+        baud: the speed that was asked for.
         bytes_read, bytes_written: since it was opened.
         lost: why the port can no longer be used; None while it can.
     """
 
-    def __init__(self, port: Port, name: str) -> None:
+    def __init__(self, port: Port, name: str, baud: int = BAUD) -> None:
         self.name = name
+        self.baud = baud
         self.bytes_read = 0
         self.bytes_written = 0
         self.lost: LinkLostError | None = None
@@ -53,20 +62,31 @@ class Link:
         self._take = _reader_of(port)
         self._stopping = threading.Event()
         self._write_lock = threading.Lock()
+        self._use_lock = threading.Lock()
+        self._on_bytes: OnBytes = lambda data, t_host_s: None
+        self._on_lost: OnLost = lambda error: None
         self._thread: threading.Thread | None = None
 
-    def start(
-        self, on_bytes: Callable[[bytes, float], None], on_lost: Callable[[LinkLostError], None] | None = None
-    ) -> None:
+    def start(self, on_bytes: OnBytes, on_lost: OnLost) -> None:
         """Starts the reader thread.
 
         It calls on_bytes(bytes, t_host_s) with what arrived and when, never with nothing, and on_lost once
         if the port vanishes.
         """
-        self._thread = threading.Thread(
-            target=self._read, args=(on_bytes, on_lost), name=f"read {self.name}", daemon=True
-        )
+        self._on_bytes, self._on_lost = on_bytes, on_lost
+        self._thread = threading.Thread(target=self._read, name=f"read {self.name}", daemon=True)
         self._thread.start()
+
+    def hand_over(self, prepare: Callable[[], None], on_bytes: OnBytes, on_lost: OnLost) -> None:
+        """Lets somebody else have what arrives, who gets ready in `prepare`, while nobody is given anything.
+
+        Raises LinkLostError, with nothing done, if the port is gone.
+        """
+        with self._use_lock:
+            if self.lost:
+                raise self.lost
+            prepare()
+            self._on_bytes, self._on_lost = on_bytes, on_lost
 
     def write(self, data: bytes) -> None:
         """Sends all bytes. Any thread may call. Raises LinkLostError if the port is gone."""
@@ -88,26 +108,28 @@ class Link:
         self.stop()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join()
+        connection = getattr(self._port, "_socket", None)
+        if connection:
+            connection.close()  # pyserial leaves one open that was reset by the other side
         with contextlib.suppress(OSError):  # a port that vanished cannot be closed
             self._port.close()
 
-    def _read(
-        self, on_bytes: Callable[[bytes, float], None], on_lost: Callable[[LinkLostError], None] | None
-    ) -> None:
+    def _read(self) -> None:
         while not self._stopping.is_set():
             try:
                 data = self._take()
             # pyserial raises TypeError when its descriptor was closed meanwhile.
             except (OSError, EOFError, TypeError, ValueError) as error:
-                if not self._stopping.is_set():
-                    self.lost = LinkLostError(f"{self.name} vanished: {_reason(error)}")
-                    if on_lost:
-                        on_lost(self.lost)
+                with self._use_lock:
+                    if not self._stopping.is_set():
+                        self.lost = LinkLostError(f"{self.name} vanished: {_reason(error)}")
+                        self._on_lost(self.lost)
                 return
             if data:
                 t_host_s = time.monotonic()
                 self.bytes_read += len(data)
-                on_bytes(data, t_host_s)
+                with self._use_lock:
+                    self._on_bytes(data, t_host_s)
 
 
 def open_link(url: str, *, baud: int = BAUD) -> Link:
@@ -131,8 +153,8 @@ def open_link(url: str, *, baud: int = BAUD) -> Link:
     except (OSError, AttributeError, TypeError) as error:
         raise LinkError(f"cannot open {url}: {_advice(url, error)}") from error
     if url.startswith("socket://"):
-        _send_at_once(port)
-    return Link(port, url)
+        _set_up_socket(port)
+    return Link(port, url, baud)
 
 
 def register_emulator() -> None:
@@ -203,11 +225,14 @@ def _check_socket_url(url: str) -> None:
         raise UsageError(f"{url} is no port: it must read socket://HOST:PORT")
 
 
-def _send_at_once(port: object) -> None:
-    """Pings must not wait for more bytes to come along (Nagle's algorithm)."""
+def _set_up_socket(port: object) -> None:
     descriptor = os.dup(port.fileno())  # type: ignore[attr-defined]
     with socket.socket(fileno=descriptor) as connection:
+        # Pings must not wait for more bytes to come along (Nagle's algorithm).
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            # A bridge that lost its power says nothing; TCP itself would notice after a quarter of an hour.
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * UNANSWERED_S))
 
 
 def errno_of(error: BaseException) -> int | None:

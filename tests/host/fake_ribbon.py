@@ -1,5 +1,6 @@
 """A ribbon made of a script: speaks the protocol through the generated codec, in memory or over TCP."""
 
+import contextlib
 import socket
 import threading
 import time
@@ -220,7 +221,8 @@ def served(ribbon: FakeRibbon) -> Iterator[str]:
                 if data := ribbon.read(4096):
                     connection.sendall(data)
             except OSError:
-                connection.close()
+                with contextlib.suppress(OSError):
+                    connection.shutdown(socket.SHUT_RDWR)
                 return
 
     def serve() -> None:
@@ -241,9 +243,10 @@ def served(ribbon: FakeRibbon) -> Iterator[str]:
                         continue
                     except OSError:
                         break
-                    if not data:
+                    if not data or ribbon.vanished:
                         break
-                    ribbon.write(data)
+                    with contextlib.suppress(OSError):
+                        ribbon.write(data)
                 stopping_now = ribbon.vanished
                 sender.join(0.5 if stopping_now else 0.2)
 

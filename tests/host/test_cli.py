@@ -178,10 +178,10 @@ def test_a_later_schema_is_noted(run: Run, urls: list[str], fakes: list[FakeRibb
     assert f"speaks wire version {WIRE_VERSION + 1} with another schema" in err
 
 
-def test_the_last_ribbon_that_vanishes_ends_it_with_a_failure(
+def test_without_reconnection_the_last_ribbon_that_vanishes_ends_it_with_a_failure(
     urls: list[str], fakes: list[FakeRibbon]
 ) -> None:
-    process = start("stream", urls[0], "--json")
+    process = start("stream", urls[0], "--json", "--no-reconnect")
     assert process.stdout
     while "report" not in json.loads(process.stdout.readline()):
         pass

@@ -1,7 +1,6 @@
 """The commands of `ribbonhost`. Nothing slow is imported before a command runs."""
 
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -47,39 +46,9 @@ def _ribbonhost(
     pass
 
 
-def stream(
-    urls: options.UrlsArgument = None,
-    comb: options.CombOption = None,
-    emulate: options.EmulateOption = None,
-    ribbons: options.RibbonsOption = None,
-    seed: options.SeedOption = None,
-    rate: options.RateOption = None,
-    seconds: options.SecondsOption = None,
-    method: options.MethodOption = "spline",
-    baud: options.BaudOption = 921_600,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", help="Record all that is received.")
-    ] = None,
-    force: options.ForceOption = False,
-    rotate_mib: options.RotateMibOption = None,
-    rotate_s: options.RotateSOption = None,
-    json: options.JsonOption = False,
-) -> None:
+@options.spread(options.StreamOptions)
+def stream(options: options.StreamOptions) -> None:
     """Show ribbons live: rates, losses, latency, and the error where it is known."""
-    from ribbonhost.cli.stream import RecordOptions, StreamOptions, run_stream
+    from ribbonhost.cli.stream import run_stream
 
-    run_stream(
-        StreamOptions(
-            urls=tuple(urls or ()),
-            comb=comb,
-            emulate=emulate,
-            ribbons=ribbons,
-            seed=seed,
-            rate_hz=rate,
-            seconds=seconds,
-            method=method,
-            baud=baud,
-            json=json,
-            record=RecordOptions(record, force, rotate_mib, rotate_s),
-        )
-    )
+    run_stream(options)

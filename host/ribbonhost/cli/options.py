@@ -1,7 +1,10 @@
 """Arguments that several commands share."""
 
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -10,33 +13,78 @@ URLS_HELP = (
     "or any other that pyserial opens; or their serial numbers, or names in the comb file."
 )
 
-UrlsArgument = Annotated[list[str] | None, typer.Argument(metavar="URL", help=URLS_HELP)]
 CombOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="TOML file that says where each ribbon starts.")
 ]
-EmulateOption = Annotated[
-    str | None,
-    typer.Option(metavar="SCENE", help="Emulate a comb on a surface: sea, wing, breath, or a file.py."),
-]
-RibbonsOption = Annotated[
-    int | None, typer.Option(min=2, max=6, help="Emulated ribbons on the reference.  [default: 5]")
-]
-SeedOption = Annotated[int | None, typer.Option(min=0, help="Of the emulated noise.  [default: 0]")]
-RateOption = Annotated[
-    int | None,
-    typer.Option(min=1, max=200, help="Scans a second.  [default: 100, or less if a ribbon cannot]"),
-]
-SecondsOption = Annotated[
-    float | None, typer.Option(min=0.1, help="Stop after so long.  [default: at Ctrl-C]")
-]
-MethodOption = Annotated[str, typer.Option(help="Of curves: spline, or hermite, the paper's.")]
 BaudOption = Annotated[int, typer.Option(min=1200, help="Speed of serial ports, bits a second.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there already.")]
-RotateMibOption = Annotated[
-    float | None,
-    typer.Option("--rotate-mib", min=0.1, help="Record to FILE-001, -002 ..., each of so many MiB."),
-]
-RotateSOption = Annotated[
-    float | None, typer.Option("--rotate-s", min=1.0, help="Record to FILE-001, -002 ..., each so long.")
-]
+
+
+@dataclass(frozen=True)
+class StreamOptions:
+    """What `stream` and `record` are asked for; None where nothing was typed."""
+
+    urls: Annotated[list[str] | None, typer.Argument(metavar="URL", help=URLS_HELP)] = None
+    comb: CombOption = None
+    emulate: Annotated[
+        str | None,
+        typer.Option(metavar="SCENE", help="Emulate a comb on a surface: sea, wing, breath, or a file.py."),
+    ] = None
+    ribbons: Annotated[
+        int | None, typer.Option(min=2, max=6, help="Emulated ribbons on the reference.  [default: 5]")
+    ] = None
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the emulated noise.  [default: 0]")] = None
+    rate_hz: Annotated[
+        int | None,
+        typer.Option(
+            "--rate", min=1, max=200, help="Scans a second.  [default: 100, or less if a ribbon cannot]"
+        ),
+    ] = None
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Stop after so long.  [default: at Ctrl-C]")
+    ] = None
+    method: Annotated[str, typer.Option(help="Of curves: spline, or hermite, the paper's.")] = "spline"
+    baud: BaudOption = 921_600
+    reconnect: Annotated[
+        bool, typer.Option(help="Look for ribbons whose ports vanish, and go on when they are back.")
+    ] = True
+    record: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Record all that is received.")] = (
+        None
+    )
+    force: ForceOption = False
+    rotate_mib: Annotated[
+        float | None, typer.Option(min=0.1, help="Record to FILE-001, -002 ..., each of so many MiB.")
+    ] = None
+    rotate_s: Annotated[
+        float | None, typer.Option(min=1.0, help="Record to FILE-001, -002 ..., each so long.")
+    ] = None
+    json: JsonOption = False
+
+
+def spread(
+    kind: type, *, without: tuple[str, ...] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Makes a command out of a function: its argument `options`, a dataclass of this kind, becomes an
+    argument of the command line for each field, annotated as typer wants it, except those named."""
+
+    def decorate(function: Callable[..., None]) -> Callable[..., None]:
+        hints = get_type_hints(kind, include_extras=True)
+        own = [p for p in inspect.signature(function).parameters.values() if p.name != "options"]
+        spread_out = [f for f in fields(kind) if f.name not in without]
+
+        def command(**typed: Any) -> None:
+            options = kind(**{f.name: typed.pop(f.name) for f in spread_out})
+            function(**typed, options=options)
+
+        parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in own] + [
+            inspect.Parameter(
+                f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name]
+            )
+            for f in spread_out
+        ]
+        command.__name__, command.__doc__ = function.__name__, function.__doc__
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        return command
+
+    return decorate

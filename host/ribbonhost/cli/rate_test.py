@@ -96,6 +96,9 @@ class FrameCounter:
     def lost(self, why: str, t_host_s: float) -> None:
         pass
 
+    def back(self, port: str, t_host_s: float) -> None:
+        pass
+
 
 def run_rate_test(
     name: str, rates: str | None, seconds: float, *, comb: Path | None, baud: int, as_json: bool

@@ -1,5 +1,6 @@
 """The commands that make, mend, play, export and check recordings; they load what is slow when they run."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,40 +30,15 @@ def register(app: typer.Typer) -> None:
     )
 
 
+@options.spread(options.StreamOptions, without=("record",))
 def record(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording to write (.mcap).")],
-    urls: options.UrlsArgument = None,
-    comb: options.CombOption = None,
-    emulate: options.EmulateOption = None,
-    ribbons: options.RibbonsOption = None,
-    seed: options.SeedOption = None,
-    rate: options.RateOption = None,
-    seconds: options.SecondsOption = None,
-    method: options.MethodOption = "spline",
-    baud: options.BaudOption = 921_600,
-    force: options.ForceOption = False,
-    rotate_mib: options.RotateMibOption = None,
-    rotate_s: options.RotateSOption = None,
-    json: options.JsonOption = False,
+    options: options.StreamOptions,
 ) -> None:
     """Stream and record all that is received: `stream` with --record."""
-    from ribbonhost.cli.stream import RecordOptions, StreamOptions, run_stream
+    from ribbonhost.cli.stream import run_stream
 
-    run_stream(
-        StreamOptions(
-            urls=tuple(urls or ()),
-            comb=comb,
-            emulate=emulate,
-            ribbons=ribbons,
-            seed=seed,
-            rate_hz=rate,
-            seconds=seconds,
-            method=method,
-            baud=baud,
-            json=json,
-            record=RecordOptions(file, force, rotate_mib, rotate_s),
-        )
-    )
+    run_stream(replace(options, record=file))
 
 
 def recover(

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
 from ribbonhost.cli import forget_stdout
 from ribbonhost.cli.emulation import Emulation, emulate
 from ribbonhost.cli.naming import resolve
+from ribbonhost.cli.options import StreamOptions
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
 from ribbonhost.comb import Comb, load_comb
 from ribbonhost.device import Device, open_device
@@ -28,33 +28,6 @@ from ribbonhost.record import Recorder, Tape
 
 RATE_HZ = 100
 RIBBONS = 5
-
-
-@dataclass(frozen=True)
-class RecordOptions:
-    """Where a recording goes; None where nothing was typed."""
-
-    path: Path | None = None
-    force: bool = False
-    rotate_mib: float | None = None
-    rotate_s: float | None = None
-
-
-@dataclass(frozen=True)
-class StreamOptions:
-    """What was typed; None where nothing was."""
-
-    urls: tuple[str, ...]
-    comb: Path | None
-    emulate: str | None
-    ribbons: int | None
-    seed: int | None
-    rate_hz: int | None
-    seconds: float | None
-    method: str
-    baud: int
-    json: bool
-    record: RecordOptions = RecordOptions()
 
 
 def run_stream(options: StreamOptions) -> None:
@@ -74,7 +47,7 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
     with ExitStack() as stack:
         stop = stack.enter_context(stop_on_signals())
         emulation: Emulation | None = None
-        urls: Sequence[str] = resolve(options.urls, baud=options.baud, comb=comb)
+        urls: Sequence[str] = resolve(options.urls or (), baud=options.baud, comb=comb)
         if options.emulate is not None:
             emulation = stack.enter_context(
                 emulate(options.emulate, ribbons=options.ribbons or RIBBONS, seed=options.seed or 0)
@@ -87,8 +60,8 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
             if label != "recording":
                 tape.event(label, what)
 
-        if options.record.path:
-            recorder = _recorder(options.record, options.record.path, on_event)
+        if options.record:
+            recorder = _recorder(options, options.record, on_event)
         tape = Tape(recorder)
         devices, channels = _open(urls, options.baud, output, tape)
         stack.callback(tape.end)
@@ -108,10 +81,11 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
             truth=emulation.truth_m if emulation else None,
             on_event=on_event,
             on_solved=consumers,
+            reconnect=options.reconnect,
         )
         if recorder:
             recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=rate_hz, method=method))
-        _run(stream, options.seconds, stop, output, tape)
+        _run(stream, options, stop, output, tape, on_event)
         tape.end()
         for recorder in tape.recorders:
             output.recorded(recorder)
@@ -119,10 +93,11 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
 
 def _run(
     stream: Stream,
-    seconds: float | None,
+    options: StreamOptions,
     stop: threading.Event,
     output: Output,
     tape: Tape,
+    on_event: Callable[[str, str], None],
 ) -> None:
     with ExitStack() as stack:
         stack.callback(stream.close)
@@ -131,17 +106,22 @@ def _run(
             tape.recorder.count_from_here()
         stack.enter_context(output)
         due_s = time.monotonic()
-        end_s = due_s + seconds if seconds else float("inf")
+        end_s = due_s + options.seconds if options.seconds else float("inf")
+        waits = False
         while True:
             due_s = min(due_s + output.interval_s, end_s)
             stop.wait(max(0.0, due_s - time.monotonic()))
             report = stream.report()
             output.report(report)
-            if stop.is_set() or stream.over or time.monotonic() >= end_s:
+            over = stream.over
+            if stop.is_set() or time.monotonic() >= end_s or (over and not options.reconnect):
                 break
+            if over and not waits:
+                on_event("stream", f"{over}: waiting until it is back; Ctrl-C ends it")
+            waits = bool(over)
     output.summary(report)
-    if stream.over and not stop.is_set():
-        raise RibbonError(stream.over)
+    if over and not stop.is_set():
+        raise RibbonError(over)
 
 
 def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
@@ -151,7 +131,8 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
     method = options.method
     if not is_method(method):
         raise UsageError(f"--method {method} is not one of {', '.join(METHODS)}")
-    if options.record.path is None and options.record != RecordOptions():
+    for_recording = options.force or options.rotate_mib is not None or options.rotate_s is not None
+    if options.record is None and for_recording:
         raise UsageError("--force, --rotate-mib and --rotate-s are for a recording: give --record FILE.mcap")
     if options.emulate is not None:
         if options.urls or options.comb:
@@ -174,7 +155,7 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
     return load_comb(options.comb) if options.comb else None, method
 
 
-def _recorder(options: RecordOptions, path: Path, on_event: Callable[[str, str], None]) -> Recorder:
+def _recorder(options: StreamOptions, path: Path, on_event: Callable[[str, str], None]) -> Recorder:
     """Raises UsageError for a file that is there already or cannot be."""
     return Recorder(
         path,

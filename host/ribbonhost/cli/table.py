@@ -13,7 +13,6 @@ STATES = {
     "streaming": Text("live", "green"),
     "silent": Text("silent", "yellow"),
     "missing": Text("missing", "red"),
-    "gone": Text("gone", "red"),
 }
 RARE = (
     "malformed",
@@ -45,7 +44,7 @@ def table_of(report: Report) -> Table:
         counters = ribbon.counters
         table.add_row(
             ribbon.label,
-            STATES[ribbon.state],
+            _state(ribbon),
             f"{ribbon.frames_per_s:.1f}",
             _alert(counters.lost),
             _alert(counters.crc_errors),
@@ -88,7 +87,18 @@ def summary_of(report: Report) -> str:
             f"; E {comb.error_mean_percent:.3f} % of the length "
             f"({comb.error_min_percent:.3f} to {comb.error_max_percent:.3f})"
         )
-    return text + "."
+    text += "."
+    for ribbon in report.ribbons:
+        if ribbon.times_gone:
+            times = "once" if ribbon.times_gone == 1 else f"{ribbon.times_gone} times"
+            text += f"\n{ribbon.label}: its port was gone {times}, {ribbon.gone_s:.1f} s in all."
+    return text
+
+
+def _state(ribbon: RibbonReport) -> Text:
+    if ribbon.state == "gone":
+        return Text(f"gone {ribbon.gone_s:.0f} s", "red")
+    return STATES[ribbon.state]
 
 
 def _rare(ribbon: RibbonReport) -> int:

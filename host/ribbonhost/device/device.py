@@ -1,5 +1,6 @@
 """One ribbon on a link: who it is, what it sends, what it is told, and what its clock says."""
 
+import contextlib
 import random
 import threading
 import time
@@ -8,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from ribbonhost import wire
 from ribbonhost.clock import DeviceClock, extend_us
+from ribbonhost.device.absences import Absences
 from ribbonhost.device.counters import Counters, Counts
 from ribbonhost.device.observer import Observer
 from ribbonhost.device.scans import Scan, ScanReader
@@ -53,6 +55,7 @@ class Device:
         clock: converts its times.
         info, status: the latest packets; None before the first.
         restarts: how often the device announced itself anew without being asked: it was reset.
+        absences: when its link was gone.
     """
 
     def __init__(self, link: Link, observer: Observer | None = None) -> None:
@@ -65,6 +68,7 @@ class Device:
         self.info: wire.Info | None = None
         self.status: wire.Status | None = None
         self.restarts = 0
+        self.absences = Absences()
         self.on_scan: Callable[[Scan], None] | None = None
         self.on_lost: Callable[[LinkLostError], None] | None = None
         self._deframer = Deframer()
@@ -83,7 +87,7 @@ class Device:
 
     @property
     def name(self) -> str:
-        """What the user typed for its port."""
+        """What the user typed for its port, or where it was found again."""
         return self.link.name
 
     @property
@@ -118,6 +122,41 @@ class Device:
     def close(self) -> None:
         """Ends the link. The device goes on with what it does."""
         self.link.close()
+
+    def resume(self, found: "Device") -> float:
+        """Goes on over the link of `found`, which is this ribbon, on a port that was opened anew.
+
+        Its clock and its sequence start anew; it must be set up again. `found` is not to be used any more.
+        Returns for how long it was gone, seconds. Raises LinkLostError, with nothing changed, if the port is
+        gone again.
+        """
+        away_s = 0.0
+
+        def take_over() -> None:
+            nonlocal away_s
+            found._deframer.crc_errors = self._deframer.crc_errors
+            found._deframer.malformed = self._deframer.malformed
+            self._deframer = found._deframer
+            with self._order:
+                t_host_s = time.monotonic()
+                if self._observer:
+                    self._observer.back(found.name, t_host_s)
+                away_s = self._start_anew(t_host_s)
+                self.link = found.link
+
+        found.link.hand_over(take_over, self._on_bytes, self._on_lost)
+        with contextlib.suppress(LinkLostError):  # of which on_lost will tell
+            self._send_command(self._next_tag(), wire.CommandCode.GET_INFO, 0, b"")
+        return away_s
+
+    def _start_anew(self, t_host_s: float) -> float:
+        """There is a new link; returns for how long there was none."""
+        self.clock.restart()
+        self._scans.restart()
+        with self._lock:
+            self._pings.clear()
+        self._infos_due = 0
+        return self.absences.end(t_host_s)
 
     def handshake(self, timeout_s: float = HANDSHAKE_S, *, repeat_s: float = REPEAT_S) -> wire.Info:
         """Asks who the device is, every repeat_s; it may be streaming meanwhile.
@@ -171,7 +210,8 @@ class Device:
                     raise self.lost
         finally:
             del self._pending[tag]
-        assert pending.ack is not None
+        if pending.ack is None:
+            raise LinkLostError(f"{self.name} vanished before it acknowledged {code.name.lower()}")
         if pending.ack.code != wire.AckCode.OK:
             raise CommandRefusedError(
                 f"{self.name} refused {code.name.lower()} {argument}: {_ack_name(pending.ack.code)}",
@@ -225,8 +265,10 @@ class Device:
         )
 
     def _on_lost(self, error: LinkLostError) -> None:
+        t_host_s = time.monotonic()
         if self._observer:
-            self._observer.lost(str(error), time.monotonic())
+            self._observer.lost(str(error), t_host_s)
+        self.absences.begin(t_host_s)
         if self.on_lost:
             self.on_lost(error)
         self._info_came.set()

@@ -58,12 +58,21 @@ class FoundPort:
         return bytes(self.info.unique_id).hex() if self.info else ""
 
 
-def candidate_urls() -> list[str]:
-    """Serial ports of this machine, and those that RIBBONHOST_PORTS names."""
+def serial_ports() -> list[str]:
+    """Serial ports of this machine."""
     from serial.tools import list_ports
 
-    ports = sorted(str(port.device) for port in list_ports.comports())
-    return list(dict.fromkeys([*ports, *os.environ.get(PORTS_VARIABLE, "").split()]))
+    return sorted(str(port.device) for port in list_ports.comports())
+
+
+def extra_urls() -> list[str]:
+    """Ports that RIBBONHOST_PORTS names."""
+    return os.environ.get(PORTS_VARIABLE, "").split()
+
+
+def candidate_urls() -> list[str]:
+    """Serial ports of this machine, and those that RIBBONHOST_PORTS names."""
+    return list(dict.fromkeys([*serial_ports(), *extra_urls()]))
 
 
 def probe_ports(urls: Iterable[str], *, baud: int = BAUD, timeout_s: float = PROBE_S) -> list[FoundPort]:

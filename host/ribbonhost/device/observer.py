@@ -25,3 +25,6 @@ class Observer(Protocol):
 
     def lost(self, why: str, t_host_s: float) -> None:
         """The link is gone."""
+
+    def back(self, port: str, t_host_s: float) -> None:
+        """There is a new link, on this port; the clock and the sequence start anew."""

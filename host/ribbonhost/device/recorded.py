@@ -1,12 +1,11 @@
 """A device of which only a recording is there: used by the same code as one on a link."""
 
 import threading
-from collections.abc import Callable
 
 from ribbonhost import wire
 from ribbonhost.device.device import Device, _Pending
 from ribbonhost.errors import LinkLostError
-from ribbonhost.link import Link
+from ribbonhost.link import Link, OnBytes, OnLost
 
 
 class _NoPort:
@@ -25,9 +24,7 @@ class _NoPort:
 
 
 class _NoLink(Link):
-    def start(
-        self, on_bytes: Callable[[bytes, float], None], on_lost: Callable[[LinkLostError], None] | None = None
-    ) -> None:
+    def start(self, on_bytes: OnBytes, on_lost: OnLost) -> None:
         pass
 
 
@@ -48,8 +45,14 @@ class RecordedDevice(Device):
         """How many frames were no packets until then."""
         self._deframer.crc_errors, self._deframer.malformed = crc_errors, malformed
 
-    def lose(self, why: str) -> None:
+    def lose(self, why: str, t_host_s: float) -> None:
         """Its link was gone from then on."""
         self.link.lost = LinkLostError(why)
+        self.absences.begin(t_host_s)
         if self.on_lost:
             self.on_lost(self.link.lost)
+
+    def come_back(self, port: str, t_host_s: float) -> None:
+        """It was there again, on a port of this name."""
+        self.link.name, self.link.lost = port, None
+        self._start_anew(t_host_s)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from ribbonhost import wire
 from ribbonhost.device import Device
-from ribbonhost.errors import DeviceError, LinkError
+from ribbonhost.errors import DeviceError, LinkError, LinkLostError
 from ribbonhost.pipeline.phase import DRIFTED_S, ScanAligner
 
 SYNC_PINGS = 20
@@ -16,6 +16,8 @@ PING_S = 0.25
 FAST_PING_S = 0.02
 ALIGN_S = 1.0
 TICK_S = 0.02
+AGAIN_S = 1.0
+"""So long after a device could not be set up again it is tried once more."""
 
 
 class Keeper:
@@ -34,6 +36,7 @@ class Keeper:
         self._devices = list(devices)
         self._rate_hz = rate_hz
         self._restarts: dict[Device, int] = {}
+        self._again_due_s = dict.fromkeys(devices, 0.0)
         self._ping_due_s = dict.fromkeys(devices, 0.0)
         self._mute: set[Device] = set()
         self._stopping = threading.Event()
@@ -100,7 +103,8 @@ class Keeper:
                     continue
                 if now_s >= self._ping_due_s[device]:
                     self._ping(device, now_s)
-                if device.clock.synced and device.clock.restarts != self._restarts[device]:
+                restarted = device.clock.synced and device.clock.restarts != self._restarts[device]
+                if restarted and now_s >= self._again_due_s[device]:
                     self._set_up_again(device)
             if now_s >= align_due_s:
                 align_due_s = now_s + ALIGN_S
@@ -121,15 +125,19 @@ class Keeper:
             self._mute.discard(device)
 
     def _set_up_again(self, device: Device) -> None:
-        self._restarts[device] = device.clock.restarts
+        restarts = device.clock.restarts
         self.aligner.free_running.pop(device, None)
         try:
             device.command(wire.CommandCode.SET_RATE, self._rate_hz)
             device.command(wire.CommandCode.SET_MODE, wire.Mode.ORIENT)
+        except LinkLostError:
+            pass  # which is told already
         except (DeviceError, LinkError) as error:
+            self._again_due_s[device] = time.monotonic() + AGAIN_S
             self._tell(device, f"its clock started anew, and it cannot be set up again: {error}")
         else:
-            self._tell(device, "its clock started anew: it was reset, and is set up again")
+            self._restarts[device] = restarts
+            self._tell(device, "its clock started anew, and it is set up again")
 
     def _align(self) -> None:
         before = set(self.aligner.free_running)

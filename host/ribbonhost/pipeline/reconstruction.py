@@ -161,6 +161,8 @@ class Reconstruction:
             label=place.label,
             serial=place.serial,
             state=state,
+            times_gone=device.absences.count if device else 0,
+            gone_s=device.absences.total_s(self._now_s()) if device else 0.0,
             frames_per_s=frames_per_s,
             counters=counters,
             latency_p50_s=latency.quantile_s(0.5),

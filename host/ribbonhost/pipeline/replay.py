@@ -11,7 +11,7 @@ from ribbonhost.pipeline.report import Report
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.reconstruct import CombLayout
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
-from ribbonhost.record import Event, Item, Lost, Received, Recording, Sent, Spoiled
+from ribbonhost.record import Back, Event, Item, Lost, Received, Recording, Sent, Spoiled
 from ribbonhost.record.layout import COUNTING
 from ribbonhost.wire import WireError
 
@@ -113,7 +113,9 @@ class Replay:
             case Spoiled():
                 device.spoil(item.crc_errors, item.malformed)
             case Lost():
-                device.lose(item.why)
+                device.lose(item.why, item.t_host_s)
+            case Back():
+                device.come_back(item.port, item.t_host_s)
 
     def _arrangement(self, recording: Recording) -> Arrangement:
         header = recording.header

@@ -14,6 +14,7 @@ class RibbonReport:
 
     Attributes:
         state: "streaming", "silent", "missing" (never there, or given up), or "gone" (its port vanished).
+        times_gone, gone_s: how often and for how long its port was gone.
         frames_per_s: over the last interval.
         latency_p50_s, latency_p99_s: from the end of a scan to the surface in memory.
         held: frames of the comb for which its newest scan came too late.
@@ -28,6 +29,8 @@ class RibbonReport:
     label: str
     serial: str
     state: str
+    times_gone: int
+    gone_s: float
     frames_per_s: float
     counters: Counters
     latency_p50_s: float
@@ -47,6 +50,8 @@ class RibbonReport:
             "ribbon": self.label,
             "serial": self.serial,
             "state": self.state,
+            "times_gone": self.times_gone,
+            "gone_s": round(self.gone_s, 3),
             "frames_per_s": round(self.frames_per_s, 2),
             **asdict(self.counters),
             "latency_ms": {"p50": _ms(self.latency_p50_s), "p99": _ms(self.latency_p99_s)},

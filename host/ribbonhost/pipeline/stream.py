@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 
-from ribbonhost.device import Device, Scan
+from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
 from ribbonhost.pipeline.arrangement import Arrangement, Place
 from ribbonhost.pipeline.keeper import Keeper
@@ -29,7 +29,8 @@ SETTLED_S = 0.2
 class Stream:
     """Runs the devices of an arrangement and reconstructs what they send.
 
-    Threads: one reads each link and decodes, one matches and reconstructs, one keeps the devices in order.
+    Threads: one reads each link and decodes, one matches and reconstructs, one keeps the devices in order,
+    and one looks for those whose ports vanished.
     """
 
     def __init__(
@@ -41,9 +42,10 @@ class Stream:
         truth: Truth | None = None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
         on_solved: Iterable[OnSolved] = (),
+        reconnect: bool = False,
     ) -> None:
         """`on_event` is told, in any thread, what happened to which ribbon; each of `on_solved` each
-        frame, in the thread that reconstructs."""
+        frame, in the thread that reconstructs. reconnect: look for ribbons whose ports vanish."""
         self._places = arrangement.places
         self._on_event = on_event
         self._reconstruction = Reconstruction(
@@ -59,6 +61,8 @@ class Stream:
         self._keeper = Keeper(
             arrangement.devices, rate_hz, lambda device, what: on_event(self._labels[device], what)
         )
+        self._reconnect = reconnect
+        self._seeker: Seeker | None = None
         self._queue: queue.SimpleQueue[tuple[int, Scan]] = queue.SimpleQueue()
         self._dropped = [0] * len(self._places)
         self._stopping = threading.Event()
@@ -79,11 +83,17 @@ class Stream:
                 place.device.on_lost = self._mourner(place)
         self._thread.start()
         self._leave_out(self._keeper.start())
+        if self._reconnect:
+            there = [device for device in self._labels if device not in self._failed]
+            self._seeker = Seeker(there, self._welcome)
+            self._seeker.start()
         self._settle(stop or threading.Event())
         self._reconstruction.start_counting(sum(self._dropped))
 
     def close(self) -> None:
         """Quiets the devices, closes their links and ends all threads."""
+        if self._seeker:
+            self._seeker.stop()
         self._keeper.stop()
         self._stopping.set()
         if self._thread.is_alive():
@@ -95,7 +105,7 @@ class Stream:
 
     @property
     def over(self) -> str:
-        """Why nothing more can come; empty while something can."""
+        """Why nothing more can come, unless a ribbon comes back; empty while something can."""
         if self._reconstruction.is_comb and (device := self._places[0].device) and device.lost:
             return f"the reference ribbon is gone: {device.lost}"
         if all(device.lost or device in self._failed for device in self._labels):
@@ -127,7 +137,11 @@ class Stream:
         return take
 
     def _mourner(self, place: Place) -> Callable[[LinkLostError], None]:
-        return lambda error: self._on_event(place.label, str(error))
+        looked_for = ": it is looked for until it is back" if self._reconnect else ""
+        return lambda error: self._on_event(place.label, f"{error}{looked_for}")
+
+    def _welcome(self, device: Device, away_s: float) -> None:
+        self._on_event(self._labels[device], f"is back on {device.name} after {away_s:.1f} s")
 
     def _settle(self, stop: threading.Event) -> None:
         deadline_s = time.monotonic() + SETTLE_S

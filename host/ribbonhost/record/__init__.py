@@ -2,6 +2,7 @@
 
 from ribbonhost.record.layout import Header, RecordedRibbon
 from ribbonhost.record.reader import (
+    Back,
     Event,
     Item,
     Lost,
@@ -16,6 +17,7 @@ from ribbonhost.record.recover import Recovered, recover
 from ribbonhost.record.tape import Tape
 
 __all__ = [
+    "Back",
     "Event",
     "Header",
     "Item",

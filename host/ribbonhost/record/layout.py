@@ -8,6 +8,7 @@ the order of a replay. Channels of ribbon i, counted in the order in which the p
     /ribbon/i/sent       packets that the host sent: commands and clock pings
     /ribbon/i/spoiled    JSON: frames so far that were no packets: crc_errors, malformed
     /ribbon/i/lost       JSON: why the link is gone
+    /ribbon/i/back       JSON: port; there is a new link, and the ribbon's clock and sequence start anew
     /events              JSON: ribbon (its label, or "recording"), what
 
 Messages of a channel are numbered from 1, also those that were given up because the disk was too slow: so a
@@ -25,7 +26,7 @@ HEADER = "ribbonhost"
 """Name of the metadata record of the header; later records of the name replace earlier ones."""
 
 EVENTS = "/events"
-KINDS = ("received", "sent", "spoiled", "lost")
+KINDS = ("received", "sent", "spoiled", "lost", "back")
 COUNTING = "the stream counts from here"
 """The event at which all ribbons deliver: time 0 of a recording."""
 

@@ -17,7 +17,7 @@ from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from ribbonhost.errors import RecordingError
-from ribbonhost.record.layout import COUNTING, EVENTS, HEADER, NS, Header, topic
+from ribbonhost.record.layout import COUNTING, EVENTS, HEADER, KINDS, NS, Header, topic
 
 RECORD_BYTES_MAX = 64 << 20
 """No record of a recording is longer; a length beyond is damage."""
@@ -75,6 +75,13 @@ class Lost(Item):
     """The link is gone."""
 
     why: str
+
+
+@dataclass(frozen=True)
+class Back(Item):
+    """There is a new link, on this port."""
+
+    port: str
 
 
 @dataclass(frozen=True)
@@ -187,7 +194,7 @@ class Recording:
     def items(self) -> Iterator[Item]:
         """All that was recorded, in the order in which the host used it."""
         meanings = {(topic(r.channel, kind)): (r.channel, kind) for r in self.header.ribbons
-                    if r.channel is not None for kind in ("received", "sent", "spoiled", "lost")}  # fmt: skip
+                    if r.channel is not None for kind in KINDS}  # fmt: skip
         meanings[EVENTS] = (-1, "event")
         channels: dict[int, tuple[int, str]] = {}
         reader = RecordReader(self.path)
@@ -238,6 +245,8 @@ def _item(ribbon: int, kind: str, message: Message) -> Item:
             return Spoiled(ribbon, number, t_s, int(values["crc_errors"]), int(values["malformed"]))
         case "lost":
             return Lost(ribbon, number, t_s, str(values["why"]))
+        case "back":
+            return Back(ribbon, number, t_s, str(values["port"]))
         case _:
             return Event(ribbon, number, t_s, str(values["ribbon"]), str(values["what"]))
 

@@ -68,6 +68,10 @@ class Tap:
         """See Observer."""
         self._tell("lost", t_host_s, json.dumps({"why": why}).encode())
 
+    def back(self, port: str, t_host_s: float) -> None:
+        """See Observer."""
+        self._tell("back", t_host_s, json.dumps({"port": port}).encode())
+
     def _tell(self, kind: str, t_host_s: float, data: bytes) -> None:
         self._put(self.channel, kind, next(self._numbers[kind]), t_host_s, data)
 
@@ -81,7 +85,10 @@ class Carried:
 
     def see(self, item: _ItemT) -> None:
         ribbon, kind, _, _, data = item
-        if kind not in ("received", "sent"):
+        if kind == "back":
+            self._latest.pop((ribbon, "lost", 0), None)
+            self._exchanges.pop(ribbon, None)  # of a clock that started anew
+        elif kind not in ("received", "sent"):
             self._latest[ribbon, kind, 0] = item
         elif data[0] in (wire.PacketId.CLOCK_PING, wire.PacketId.CLOCK_PONG):
             kept = self._exchanges.setdefault(ribbon, deque(maxlen=2 * EXCHANGES_CARRIED))

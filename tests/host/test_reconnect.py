@@ -1,0 +1,196 @@
+"""Ribbons whose ports vanish are found again, wherever they come back, and the others go on meanwhile."""
+
+import json
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from host.fake_ribbon import FakeRibbon, served
+from host.test_cli import start
+from ribbonhost import wire
+from ribbonhost.comb import Comb, CombRibbon
+from ribbonhost.device import open_device
+from ribbonhost.pipeline.arrangement import arrange_comb
+from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.replay import Replay
+from ribbonhost.pipeline.report import Report
+from ribbonhost.pipeline.solving import Solved
+from ribbonhost.pipeline.stream import Stream
+from ribbonhost.record import Back, Lost, Recorder, Recording
+from serial.tools import list_ports
+
+SERIALS = [f"{i:024x}" for i in range(1, 5)]
+COMB = Comb(SERIALS[0], 0.025, tuple(CombRibbon(serial, 0.05 * i) for i, serial in enumerate(SERIALS[1:])))
+LEFT = "at 0 m"
+
+
+@pytest.fixture(autouse=True)
+def ports(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Serial ports of this machine, as a test has them."""
+    names: list[str] = []
+    monkeypatch.setattr(list_ports, "comports", lambda: [SimpleNamespace(device=name) for name in names])
+    monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
+    return names
+
+
+class Running:
+    """A recorded comb of fakes on TCP ports, what it told, and what it made."""
+
+    def __init__(self, stack: ExitStack, path: Path) -> None:
+        self.fakes = [FakeRibbon(serial=serial, drift_ppm=20.0 * i) for i, serial in enumerate(SERIALS)]
+        self.events: list[tuple[str, str]] = []
+        self.solved: list[Solved] = []
+        self.recorder = Recorder(path)
+        taps = [self.recorder.tap() for _ in self.fakes]
+        self.devices = [
+            open_device(stack.enter_context(served(fake)), observer=tap)
+            for fake, tap in zip(self.fakes, taps, strict=True)
+        ]
+        arrangement = arrange_comb(self.devices, COMB)
+        self.stream = Stream(
+            arrangement,
+            rate_hz=100,
+            on_event=lambda *event: self.events.append(event),
+            on_solved=[self.solved.append],
+            reconnect=True,
+        )
+        channels = {device: tap.channel for device, tap in zip(self.devices, taps, strict=True)}
+        self.recorder.start(header_of(arrangement, channels, comb=COMB, rate_hz=100, method="spline"))
+        stack.callback(self.recorder.close)
+        stack.callback(self.stream.close)
+        self.stream.start()
+
+    def until(self, condition: Callable[[Report], bool]) -> Report:
+        deadline_s = time.monotonic() + 20
+        while not condition(report := self.stream.report()):
+            assert time.monotonic() < deadline_s, f"did not come true in 20 s: {report} {self.events}"
+            time.sleep(0.02)
+        return report
+
+    def has_told(self, what: str) -> bool:
+        return any(what in told for _, told in self.events)
+
+
+@contextmanager
+def running(path: Path) -> Iterator[Running]:
+    with ExitStack() as stack:
+        yield Running(stack, path)
+
+
+def test_an_unplugged_ribbon_is_set_up_again_when_it_is_back_and_the_recording_knows(tmp_path: Path) -> None:
+    path = tmp_path / "gap.mcap"
+    with running(path) as run:
+        run.recorder.count_from_here()
+        fake = run.fakes[1]
+        fake.vanish()
+        before = run.until(lambda report: report.ribbons[1].state == "gone")
+        run.until(lambda report: report.comb.surfaces >= before.comb.surfaces + 80)
+        fake.commands.clear()
+        fake.rate_hz, fake.mode, fake.vanished = 50, 0, False
+        gone = run.until(lambda report: report.ribbons[1].state == "streaming" and report.ribbons[1].aligned)
+        assert (fake.rate_hz, fake.mode) == (100, wire.Mode.ORIENT)
+        assert wire.CommandCode.SET_PHASE in [code for code, _ in fake.commands]
+        run.until(lambda report: report.comb.surfaces >= gone.comb.surfaces + 30)
+        report = run.stream.report()
+    left = report.ribbons[1]
+    assert left.times_gone == 1
+    assert 0.5 < left.gone_s < 10
+    assert left.counters.sequence_jumps == 0
+    assert left.counters.crc_errors == 0
+    assert [(ribbon.times_gone, ribbon.counters.lost) for ribbon in report.ribbons if ribbon is not left] == [
+        (0, 0)
+    ] * 3
+    told = [what for label, what in run.events if label == LEFT]
+    assert "vanished" in told[0]
+    assert "looked for" in told[0]
+    assert any(what.startswith("is back on socket://127.0.0.1:") for what in told)
+    items = [item for item in Recording(path).items() if item.ribbon == 1]
+    (lost,) = [item for item in items if isinstance(item, Lost)]
+    (back,) = [item for item in items if isinstance(item, Back)]
+    assert back.t_host_s - lost.t_host_s == pytest.approx(left.gone_s, abs=1e-6)
+    check_replay(path, run.solved, left.gone_s)
+
+
+def check_replay(path: Path, solved: list[Solved], gone_s: float) -> None:
+    """The recording gives the frames of the stream, to the bit, and the same gap."""
+    again: list[Solved] = []
+    replay = Replay([Recording(path)], on_solved=[again.append])
+    for _ in replay.play():
+        pass
+    assert replay.damaged == 0
+    assert len(again) == len(solved)
+    for one, other in zip(solved, again, strict=True):
+        assert one.match.t_host_s == other.match.t_host_s
+        np.testing.assert_array_equal(one.node_m, other.node_m)
+    assert replay.report().ribbons[1].gone_s == pytest.approx(gone_s, abs=1e-6)
+
+
+@pytest.mark.parametrize("how", ["a new serial port", "a port that the user named"])
+def test_a_ribbon_is_found_on_a_port_of_another_name(
+    tmp_path: Path, ports: list[str], monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    with ExitStack() as stack, running(tmp_path / "moved.mcap") as run:
+        run.fakes[2].vanish()
+        run.until(lambda report: report.ribbons[2].state == "gone")
+        twin = FakeRibbon(serial=SERIALS[2])
+        stranger = FakeRibbon(serial="ff" * 12)
+        urls = [stack.enter_context(served(fake)) for fake in (stranger, twin)]
+        if how == "a new serial port":
+            ports += urls
+        else:
+            monkeypatch.setenv("RIBBONHOST_PORTS", " ".join(urls))
+        run.until(lambda report: report.ribbons[2].state == "streaming")
+        assert run.devices[2].name == urls[1]
+        assert run.has_told(f"is back on {urls[1]} after")
+        assert {code for code, _ in stranger.commands} <= {wire.CommandCode.GET_INFO}
+
+
+def test_ports_that_were_there_before_are_left_alone(tmp_path: Path, ports: list[str]) -> None:
+    """To open one restarts some boards."""
+    with ExitStack() as stack:
+        other = FakeRibbon(serial="ff" * 12)
+        ports.append(stack.enter_context(served(other)))
+        run = stack.enter_context(running(tmp_path / "alone.mcap"))
+        run.fakes[3].vanish()
+        run.until(lambda report: report.ribbons[3].gone_s > 0.8)
+        assert other.commands == []
+
+
+def test_a_ribbon_that_comes_back_with_another_serial_number_is_not_taken(tmp_path: Path) -> None:
+    with running(tmp_path / "other.mcap") as run:
+        run.fakes[1].vanish()
+        run.until(lambda report: report.ribbons[1].state == "gone")
+        run.fakes[1].serial, run.fakes[1].vanished = "ee" * 12, False
+        run.until(lambda report: report.ribbons[1].gone_s > 1.0)
+        assert run.stream.report().ribbons[1].state == "gone"
+
+
+def test_a_stream_waits_for_its_last_ribbon_and_goes_on(tmp_path: Path) -> None:
+    fake = FakeRibbon(serial=SERIALS[0])
+    with served(fake) as url:
+        process = start("stream", url, "--json")
+        assert process.stdout
+        lines: list[dict[str, dict[str, object]]] = []
+
+        def until(found: Callable[[dict[str, dict[str, object]]], bool]) -> None:
+            while len(lines) < 40:
+                assert process.stdout
+                lines.append(json.loads(process.stdout.readline()))
+                if found(lines[-1]):
+                    return
+
+        until(lambda line: "report" in line)
+        fake.vanish()
+        until(lambda line: "no ribbon is left: waiting" in str(line.get("event")))
+        fake.vanished = False
+        until(lambda line: "is back on" in str(line.get("event")))
+        until(lambda line: "'state': 'streaming'" in str(line.get("report")))
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+    assert (process.returncode, err) == (0, "")
+    assert "summary" in json.loads(out.splitlines()[-1])
