@@ -8,6 +8,11 @@
 /* Less noise than this bandwidth lets through is not worth the delay that comes with it. */
 static const uint32_t BANDWIDTH_MIN_MILLIHZ = 20000u;
 
+/* The part samples by a clock of its own. So many samples a scan, averaged over about its period, have as
+ * little noise as fewer, and the time at which they were taken is known as many times better: what the
+ * specific force of a moving ribbon changes by in an unknown time counts for more than noise. */
+static const uint32_t SAMPLES_A_SCAN = 8u;
+
 static const float STANDARD_GRAVITY_MPS2 = 9.80665f;
 
 enum { CONFIG_FIRST = LIS2DW12_CTRL1, CONFIG_LAST = LIS2DW12_CTRL6 };
@@ -32,7 +37,7 @@ const struct part LIS2DW12_PART = {
 static uint8_t odr_code(uint32_t rate_hz) {
     static const uint32_t ODR_MILLIHZ[] = LIS2DW12_ODR_MILLIHZ;
     uint8_t code = LIS2DW12_ODR_CODE_MIN;
-    const uint32_t for_rate_millihz = 2000u * rate_hz;
+    const uint32_t for_rate_millihz = SAMPLES_A_SCAN * 1000u * rate_hz;
     const uint32_t for_bandwidth_millihz = 2u * BANDWIDTH_MIN_MILLIHZ;
     while (code < LIS2DW12_ODR_CODE_MAX &&
            (ODR_MILLIHZ[code] < for_rate_millihz || ODR_MILLIHZ[code] < for_bandwidth_millihz))

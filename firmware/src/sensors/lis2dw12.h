@@ -6,7 +6,7 @@
 
 extern const struct part LIS2DW12_PART;
 
-/* Output data rate at least twice rate_hz, filtered to the lowest bandwidth that does not lag a moving
+/* Output data rate at least eight times rate_hz, filtered to the lowest bandwidth that does not lag a moving
  * ribbon; range_g is 2, 4, 8 or 16 (anything else counts as the next larger one, at most 16). */
 void lis2dw12_configure(uint32_t rate_hz, uint32_t range_g, struct part_config *config);
 
