@@ -68,6 +68,7 @@ static void fill_fusion_input(struct app *app, float dt_s) {
         memcpy(input->field_ut[k], string->reading[mag], sizeof input->field_ut[k]);
         input->accel_valid[k] = string->slots[accel].reason == WIRE_SLOT_REASON_OK;
         input->field_valid[k] = string->slots[mag].reason == WIRE_SLOT_REASON_OK;
+        input->field_implausible[k] = !input->field_valid[k] && string->slots[mag].is_implausible;
         input->accel_age_s[k] = 1e-6f * (float)(sensor_string_age_us(string, accel) + app->scan_us / 2u);
         input->field_age_s[k] = 1e-6f * (float)(sensor_string_age_us(string, mag) + app->scan_us / 2u);
         input->accel_noise_mps2[k] = sensor_string_noise(string, accel);

@@ -59,10 +59,10 @@ static void derive_gravity(struct fusion_derived *derived, const bool valid[NODE
         stencil_make(&derived->gravity[k], 2.0f * (float)k + 1.0f, valid, NODES, NODES);
 }
 
-static void derive_neighbours(struct fusion_derived *derived, const bool valid[NODES]) {
-    memcpy(derived->field_valid, valid, sizeof derived->field_valid);
+static void derive_neighbours(struct fusion_derived *derived, const bool trusted[NODES]) {
+    memcpy(derived->field_trusted, trusted, sizeof derived->field_trusted);
     for (unsigned k = 0; k < NODES; k++)
-        stencil_make(&derived->neighbours[k], 2.0f * (float)k, valid, NODES, k);
+        stencil_make(&derived->neighbours[k], 2.0f * (float)k, trusted, NODES, k);
 }
 
 void fusion_reset(const struct fusion_params *params, struct fusion_state *state,
@@ -139,27 +139,58 @@ static bool find_north(const float up[3], const float field_ut[3], float magnitu
     return vec3_norm(north) > HORIZONTAL_MIN * magnitude_ut && vec3_normalise(north);
 }
 
-/* The orientation of node k from up and its own field, or its neighbours' where
- * it has none. */
-static void orient(const struct fusion_params *params, struct fusion_state *state,
-                   const struct fusion_derived *derived, struct fusion_scan *scan,
-                   const float *field_variance, unsigned k, struct fusion_node *node) {
-    const struct stencil *const neighbours = &derived->neighbours[k];
+/* A field that something disturbs is not used where others tell it. If most are disturbed they are all there
+ * is: then it is rather the calibration that does not fit. */
+static void find_trusted(const struct fusion_state *state, struct fusion_derived *derived,
+                         struct fusion_scan *scan) {
+    unsigned valid = 0u, trusted = 0u;
+    for (unsigned k = 0; k < NODES; k++) {
+        scan->field_trusted[k] =
+            scan->field_valid[k] && !(state->magnitude_s[k] > 0.0f) && !(state->dip_s[k] > 0.0f);
+        valid += scan->field_valid[k];
+        trusted += scan->field_trusted[k];
+    }
+    if (2u * trusted < valid)
+        memcpy(scan->field_trusted, scan->field_valid, sizeof scan->field_trusted);
+    if (memcmp(derived->field_trusted, scan->field_trusted, sizeof derived->field_trusted) != 0)
+        derive_neighbours(derived, scan->field_trusted);
+}
+
+/* Looks for what disturbs the field at the nodes. */
+static void watch_field(const struct fusion_params *params, struct fusion_state *state,
+                        const struct fusion_derived *derived, const struct fusion_input *input,
+                        const struct fusion_scan *scan) {
     const float (*const fields_ut)[3] = (const float (*)[3])scan->field_ut;
-    const float *field_ut = fields_ut[k];
+    for (unsigned k = 0; k < NODES; k++) {
+        float explained_ut[3];
+        stencil_apply(&derived->neighbours[k], fields_ut, explained_ut);
+        fusion_quality_watch_field(params, state, derived, input, scan, k,
+                                   derived->neighbours[k].count > 0u ? explained_ut : fields_ut[k]);
+    }
+}
+
+/* The orientation of node k from up and its own field, or its neighbours' where it has none to trust. */
+static void orient(const struct fusion_params *params, const struct fusion_state *state,
+                   const struct fusion_derived *derived, const struct fusion_scan *scan,
+                   const float *field_variance, unsigned k, struct fusion_node *node) {
+    const float *field_ut = scan->field_ut[k];
     float variance = field_variance[k];
     float explained_ut[3];
-    stencil_apply(neighbours, fields_ut, explained_ut);
-    if (!scan->field_valid[k]) {
+    const struct stencil *const neighbours = &derived->neighbours[k];
+    if (!scan->field_trusted[k] && neighbours->count > 0u) {
+        const float (*const fields_ut)[3] = (const float (*)[3])scan->field_ut;
         const float error_ut = params->next_term * stencil_last_term(neighbours, fields_ut);
-        /* The mean of several is no better than one of them: they were not where
-         * they should have been. */
-        variance =
+        /* The mean of several is no better than one of them: they were not where they should have been. */
+        const float bridged_variance =
             larger_of(stencil_variance(neighbours, field_variance), field_variance[k]) + error_ut * error_ut;
-        field_ut = explained_ut;
+        /* A field that is off tells more than one that could be any. */
+        if (!scan->field_valid[k] ||
+            fusion_quality_sigma(params, scan, bridged_variance, k) < params->sigma_max_rad) {
+            stencil_apply(neighbours, fields_ut, explained_ut);
+            field_ut = explained_ut;
+            variance = bridged_variance;
+        }
     }
-    fusion_quality_watch_field(params, state, derived, scan, k,
-                               neighbours->count > 0u ? explained_ut : field_ut);
 
     float north[3];
     node->valid = scan->up_valid[k] && (scan->field_valid[k] || neighbours->count > 0u) &&
@@ -196,8 +227,9 @@ void fusion_update(const struct fusion_params *params, struct fusion_state *stat
     filter(params, state, input, &scan);
     find_up(params, state, derived, input, &scan);
     fusion_field_find(params, state, derived, input, &scan);
-    if (memcmp(derived->field_valid, scan.field_valid, sizeof derived->field_valid) != 0)
-        derive_neighbours(derived, scan.field_valid);
+    find_trusted(state, derived, &scan);
+    watch_field(params, state, derived, input, &scan);
+    find_trusted(state, derived, &scan);
 
     const float error_ut = params->field_error * derived->field_ut;
     float field_variance[NODES];

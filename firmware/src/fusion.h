@@ -64,9 +64,9 @@ struct fusion_state {
 struct fusion_derived {
     float field_ut;                               /* magnitude */
     bool accel_valid[RIBBON_NODE_COUNT];          /* that gravity[] was made for */
-    bool field_valid[RIBBON_NODE_COUNT];          /* that neighbours[] was made for */
+    bool field_trusted[RIBBON_NODE_COUNT];        /* that neighbours[] was made for */
     struct stencil gravity[RIBBON_NODE_COUNT];    /* from the accelerometers to each node */
-    struct stencil neighbours[RIBBON_NODE_COUNT]; /* from the other magnetometers to each node */
+    struct stencil neighbours[RIBBON_NODE_COUNT]; /* from the other trusted magnetometers to each node */
 };
 
 /* One scan, calibrated. Accelerometer j sits at 2 j pitches, magnetometer (and node) k at 2 k + 1. */
@@ -80,6 +80,7 @@ struct fusion_input {
     float field_noise_ut[RIBBON_NODE_COUNT];
     bool accel_valid[RIBBON_NODE_COUNT];
     bool field_valid[RIBBON_NODE_COUNT];
+    bool field_implausible[RIBBON_NODE_COUNT]; /* not valid, because it is not what its neighbours read */
 };
 
 struct fusion_node {

@@ -87,9 +87,9 @@ static bool is_step(const struct fusion_params *params, const struct fusion_deri
 }
 
 void fusion_quality_watch_field(const struct fusion_params *params, struct fusion_state *state,
-                                const struct fusion_derived *derived, const struct fusion_scan *scan,
-                                unsigned k, const float explained_ut[3]) {
-    bool is_magnitude_off = false;
+                                const struct fusion_derived *derived, const struct fusion_input *input,
+                                const struct fusion_scan *scan, unsigned k, const float explained_ut[3]) {
+    bool is_magnitude_off = input->field_implausible[k];
     bool is_dip_off = false;
     if (scan->field_valid[k] && scan->up_valid[k]) {
         const float noise_ut = NOISE_SIGMAS * sqrtf(scan->field_noise_variance[k] +

@@ -18,6 +18,7 @@ struct fusion_scan {
     float tilt_variance[RIBBON_NODE_COUNT]; /* of a component of up, rad^2 */
 
     bool field_valid[RIBBON_NODE_COUNT];           /* measured at the node itself */
+    bool field_trusted[RIBBON_NODE_COUNT];         /* and nothing says that it is not the local field */
     float field_ut[RIBBON_NODE_COUNT][3];          /* all three components */
     float field_noise_variance[RIBBON_NODE_COUNT]; /* of a component, uT^2 */
     float sensitivity_ut[RIBBON_NODE_COUNT];       /* change of what is measured with heading, uT a radian */
@@ -46,8 +47,8 @@ void fusion_quality_watch_level(const struct fusion_params *params, struct fusio
 /* The same for node k and what may be wrong with its field. explained_ut: what its neighbours say it should
  * be. */
 void fusion_quality_watch_field(const struct fusion_params *params, struct fusion_state *state,
-                                const struct fusion_derived *derived, const struct fusion_scan *scan,
-                                unsigned k, const float explained_ut[3]);
+                                const struct fusion_derived *derived, const struct fusion_input *input,
+                                const struct fusion_scan *scan, unsigned k, const float explained_ut[3]);
 
 /* Standard deviation of the orientation of node k, worst axis, rad. field_variance: of a component, uT^2. */
 float fusion_quality_sigma(const struct fusion_params *params, const struct fusion_scan *scan,
