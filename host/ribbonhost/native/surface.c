@@ -108,16 +108,24 @@ static void tabulate(size_t side, struct basis *basis) {
     }
 }
 
+/* Coordinates and slopes below this (metres, metres a metre) are rounding. As zeros they keep the squares in
+ * a flat surface's normals from being denormal numbers, with which a patch takes three times as long. */
+static const double ROUNDING = 1e-12;
+
+static inline float corner_value(double value) {
+    return fabs(value) < ROUNDING ? 0.0f : (float)value;
+}
+
 /* One coordinate of a patch: g[along][across], each start, end, derivative at start, derivative at end. */
 static void gather(size_t nodes, double ds, double dt, const double *position, const double *tangent,
                    const double *transversal, const double *twist, float g[4][4]) {
     for (size_t a = 0; a < 2; a++)
         for (size_t b = 0; b < 2; b++) {
             size_t i = 3 * (nodes * b + a);
-            g[a][b] = (float)position[i];
-            g[2 + a][b] = (float)(ds * tangent[i]);
-            g[a][2 + b] = (float)(dt * transversal[i]);
-            g[2 + a][2 + b] = twist ? (float)(ds * dt * twist[i]) : 0.0f;
+            g[a][b] = corner_value(position[i]);
+            g[2 + a][b] = corner_value(ds * tangent[i]);
+            g[a][2 + b] = corner_value(dt * transversal[i]);
+            g[2 + a][2 + b] = twist ? corner_value(ds * dt * twist[i]) : 0.0f;
         }
 }
 
@@ -136,14 +144,38 @@ static inline void line_across(const struct basis *basis, const float g[3][4][4]
             line->point[d][f] =
                 value[0] * g[d][0][f] + value[1] * g[d][1][f] + value[2] * g[d][2][f] + value[3] * g[d][3][f];
             line->along[d][f] =
-                slope[0] * g[d][0][f] + slope[1] * g[d][1][f] + slope[2] * g[d][2][f] + slope[3] * g[d][3][f];
+                slope[1] * (g[d][1][f] - g[d][0][f]) + slope[2] * g[d][2][f] + slope[3] * g[d][3][f];
         }
+}
+
+/* The derivative; those of the two values are opposite. */
+static inline void combine_slope(size_t lanes, const float basis[4][RIBBON_PATCH_VERTEX_LIMIT],
+                                 const float *c, float *restrict out) {
+    float step = c[1] - c[0];
+    for (size_t i = 0; i < lanes; i++)
+        out[i] = basis[1][i] * step + basis[2][i] * c[2] + basis[3][i] * c[3];
 }
 
 static inline void combine(size_t lanes, const float basis[4][RIBBON_PATCH_VERTEX_LIMIT], const float *c,
                            float *restrict out) {
     for (size_t i = 0; i < lanes; i++)
         out[i] = basis[0][i] * c[0] + basis[1][i] * c[1] + basis[2][i] * c[2] + basis[3][i] * c[3];
+}
+
+/* Coordinates in rows to points. In blocks that are written out, because a compiler turns those into vector
+ * code. */
+static inline void interleave(size_t side, float rows[3][RIBBON_PATCH_VERTEX_LIMIT], float *restrict out) {
+    const float *x = rows[0], *y = rows[1], *z = rows[2];
+    size_t i = 0;
+    for (; i + LANES <= side; i += LANES) {
+        out[0] = x[i], out[1] = y[i], out[2] = z[i];
+        out[3] = x[i + 1], out[4] = y[i + 1], out[5] = z[i + 1];
+        out[6] = x[i + 2], out[7] = y[i + 2], out[8] = z[i + 2];
+        out[9] = x[i + 3], out[10] = y[i + 3], out[11] = z[i + 3];
+        out += 3 * LANES;
+    }
+    for (; i < side; i++, out += 3)
+        out[0] = x[i], out[1] = y[i], out[2] = z[i];
 }
 
 /* The vertices of a line and their normals. */
@@ -155,7 +187,7 @@ static void put_vertices(size_t side, const struct basis *basis, const struct li
     for (size_t d = 0; d < 3; d++) {
         combine(lanes, basis->value_lane, line->point[d], p[d]);
         combine(lanes, basis->value_lane, line->along[d], u[d]);
-        combine(lanes, basis->slope_lane, line->point[d], v[d]);
+        combine_slope(lanes, basis->slope_lane, line->point[d], v[d]);
     }
     for (size_t i = 0; i < lanes; i++) {
         float x = u[1][i] * v[2][i] - u[2][i] * v[1][i];
@@ -167,11 +199,8 @@ static void put_vertices(size_t side, const struct basis *basis, const struct li
         n[1][i] = y * scale;
         n[2][i] = z * scale;
     }
-    for (size_t i = 0; i < side; i++)
-        for (size_t d = 0; d < 3; d++) {
-            vertices[3 * i + d] = p[d][i];
-            normals[3 * i + d] = n[d][i];
-        }
+    interleave(side, p, vertices);
+    interleave(side, n, normals);
 }
 
 int ribbon_patches(size_t ribbons, size_t nodes, const double *s, const double *start, const double *position,
