@@ -16,6 +16,9 @@
  */
 static const float READING_MAX_SQUARED = 1e8f;
 
+/* A node beside disturbed ones is judged anew by those that are left, so often in a scan. */
+#define WATCH_ROUNDS_MAX 3u
+
 /* Between two scans, seconds. */
 static const float INTERVAL_MIN_S = 1e-4f;
 static const float INTERVAL_MAX_S = 10.0f;
@@ -140,8 +143,8 @@ static bool find_north(const float up[3], const float field_ut[3], float magnitu
 }
 
 /* A field that something disturbs is not used where others tell it. If most are disturbed they are all there
- * is: then it is rather the calibration that does not fit. */
-static void find_trusted(const struct fusion_state *state, struct fusion_derived *derived,
+ * is: then it is rather the calibration that does not fit. Returns whether others are trusted than before. */
+static bool find_trusted(const struct fusion_state *state, struct fusion_derived *derived,
                          struct fusion_scan *scan) {
     unsigned valid = 0u, trusted = 0u;
     for (unsigned k = 0; k < NODES; k++) {
@@ -152,8 +155,10 @@ static void find_trusted(const struct fusion_state *state, struct fusion_derived
     }
     if (2u * trusted < valid)
         memcpy(scan->field_trusted, scan->field_valid, sizeof scan->field_trusted);
-    if (memcmp(derived->field_trusted, scan->field_trusted, sizeof derived->field_trusted) != 0)
-        derive_neighbours(derived, scan->field_trusted);
+    if (memcmp(derived->field_trusted, scan->field_trusted, sizeof derived->field_trusted) == 0)
+        return false;
+    derive_neighbours(derived, scan->field_trusted);
+    return true;
 }
 
 /* Looks for what disturbs the field at the nodes. */
@@ -228,8 +233,10 @@ void fusion_update(const struct fusion_params *params, struct fusion_state *stat
     find_up(params, state, derived, input, &scan);
     fusion_field_find(params, state, derived, input, &scan);
     find_trusted(state, derived, &scan);
-    watch_field(params, state, derived, input, &scan);
-    find_trusted(state, derived, &scan);
+    unsigned rounds = 0u;
+    do
+        watch_field(params, state, derived, input, &scan);
+    while (find_trusted(state, derived, &scan) && ++rounds < WATCH_ROUNDS_MAX);
 
     const float error_ut = params->field_error * derived->field_ut;
     float field_variance[NODES];
