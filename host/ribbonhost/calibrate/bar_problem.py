@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ribbonhost.calibrate.rotations import field_world_ut, rotation, skew
 from ribbonhost.calibrate.sensor_errors import (
@@ -84,6 +85,17 @@ class Problem:
         accel = np.zeros((self.n_accel, self.accel_width))
         return State(accel, field, r_world_bar, np.zeros((self.n_poses, SWING)), np.zeros(TABLE), dip_rad)
 
+    def state_of(self, solution: Solution, which: NDArray[np.bool_]) -> State:
+        """The state that a solution of poses (P,) of which these are some has found."""
+        values = (solution.values / self.scale())[:-1]
+        split = self.n_accel * self.accel_width
+        nothing = self.state(solution.r_world_bar[which], solution.parameters.dip_rad)
+        return replace(
+            nothing,
+            accel=values[:split].reshape(nothing.accel.shape),
+            field=values[split:].reshape(nothing.field.shape),
+        )
+
     def moved(self, state: State, step: Array) -> State:
         """The state after a step in all unknowns."""
         split = self.n_accel * self.accel_width
@@ -103,11 +115,11 @@ class Problem:
         return other
 
     def field_cost(self, state: State) -> Array:
-        """(P,) how badly the field of each pose is explained, mean square in standard deviations."""
+        """(P, M) how badly each reading of the field is explained, mean square in standard deviations."""
         par = self.parameters(state)
         field = state.r_world_bar.swapaxes(1, 2) @ field_world_ut(self.poses.field_strength_ut, state.dip_rad)
         error = np.einsum("nij,pj->pni", par.field_matrix, field) + par.field_bias_ut - self.poses.field_ut
-        return np.asarray(np.mean((error / self.field_noise) ** 2, axis=(1, 2)))
+        return np.asarray(np.mean((error / self.field_noise) ** 2, axis=2))
 
     def parameters(self, state: State) -> Parameters:
         """The sensors of a state."""

@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ribbonhost import wire
-from ribbonhost.calibrate.sensor_errors import Array, Parameters
-
-
-@dataclass(frozen=True)
-class Place:
-    """What the earth's field is where a ribbon is calibrated."""
-
-    field_ut: float
-    dip_deg: float
-    declination_deg: float
-    source: str
+from ribbonhost.calibrate.sensor_errors import Parameters
 
 
 def record_of(
@@ -57,7 +45,7 @@ def parameters_of(calibration: wire.Calibration, axes: int | None = None) -> Par
     offset = np.asarray(calibration.slots.offset, dtype=np.float64)
     matrix = np.asarray(calibration.slots.matrix, dtype=np.float64).reshape(-1, 3, 3)
     try:
-        inverse = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     except np.linalg.LinAlgError as error:
         raise ValueError("the calibration holds a matrix without an inverse") from error
     return Parameters(
@@ -72,8 +60,3 @@ def parameters_of(calibration: wire.Calibration, axes: int | None = None) -> Par
 def strength_ut(calibration: wire.Calibration) -> float:
     """|B| that a record says."""
     return float(np.hypot(calibration.field_horizontal_ut, calibration.field_down_ut))
-
-
-def matrices(calibration: wire.Calibration) -> Array:
-    """(S, 3, 3) matrices of the slots."""
-    return np.asarray(calibration.slots.matrix, dtype=np.float64).reshape(-1, 3, 3)

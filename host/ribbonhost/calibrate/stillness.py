@@ -57,7 +57,9 @@ class Stay:
     lying: bool
 
 
-def find_stays(readings: Readings, accel_used: NDArray[np.bool_], field_used: NDArray[np.bool_]) -> list[Stay]:
+def find_stays(
+    readings: Readings, accel_used: NDArray[np.bool_], field_used: NDArray[np.bool_]
+) -> list[Stay]:
     """All stays of at least WINDOW_S, in order; accel_used (A,), field_used (M,): sensors to go by.
 
     Stays that moved too much to be poses are among them, as not still.
@@ -100,7 +102,8 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _stay(
-    readings: Readings, first: int, last: int, wander: Array, shake: Array, slow: Array, scans: int, still: bool
+    readings: Readings, first: int, last: int, wander: Array, shake: Array, slow: Array, scans: int,
+    still: bool,
 ) -> Stay:  # fmt: skip
     """A run of window centres: the window around the stillest, grown as far as the run goes."""
     best = first + int(np.argmin(wander[first:last]))
@@ -123,7 +126,11 @@ def _merged(stays: list[Stay], slow: Array, slow_field: Array) -> list[Stay]:
     """Neighbouring stays of one attitude are one pose: the stiller of them."""
     kept: list[Stay] = []
     for stay in stays:
-        if kept and _turn(slow, kept[-1], stay) < TURNED_RAD and _turn(slow_field, kept[-1], stay) < TURNED_RAD:
+        if (
+            kept
+            and _turn(slow, kept[-1], stay) < TURNED_RAD
+            and _turn(slow_field, kept[-1], stay) < TURNED_RAD
+        ):
             if (stay.still, -stay.wander_rad) > (kept[-1].still, -kept[-1].wander_rad):
                 kept[-1] = stay
         else:
@@ -137,10 +144,14 @@ def _turn(signal: Array, one: Stay, other: Stay) -> float:
     return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def average(readings: Readings, stays: list[Stay], field_strength_ut: float, axes: int, pitch_m: float) -> Poses:
+def average(
+    readings: Readings, stays: list[Stay], field_strength_ut: float, axes: int, pitch_m: float
+) -> Poses:
     """The poses of stays. pitch_m: distance between neighbouring slots."""
     accel, field, noise, face, swing, growing = [], [], [], [], [], []
-    places_m = 2 * pitch_m * (np.arange(readings.accel_mps2.shape[1]) - (readings.accel_mps2.shape[1] - 1) / 2)
+    places_m = (
+        2 * pitch_m * (np.arange(readings.accel_mps2.shape[1]) - (readings.accel_mps2.shape[1] - 1) / 2)
+    )
     for stay in stays:
         a = readings.accel_mps2[stay.first : stay.last]
         m = readings.field_ut[stay.first : stay.last, :, :axes]
@@ -168,7 +179,9 @@ def average(readings: Readings, stays: list[Stay], field_strength_ut: float, axe
     )
 
 
-def _spread(accel: Array, field: Array, places_m: Array, readings: Readings) -> tuple[float, float, float, float]:
+def _spread(
+    accel: Array, field: Array, places_m: Array, readings: Readings
+) -> tuple[float, float, float, float]:
     """Standard deviations of a pose's means: of one accelerometer, one magnetometer, of the acceleration
     common to all along gravity, and of that which grows along the bar; from the means of BATCHES parts.
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from ribbonhost.calibrate.bar_problem import Problem, State
@@ -24,14 +25,17 @@ from ribbonhost.calibrate.bar_start import best_headings, initial_states, tilts,
 from ribbonhost.calibrate.sensor_errors import Array, Parameters, Poses, Prior, Solution
 from ribbonhost.errors import CalibrationError
 
-MAX_ITERATIONS = 60
-MAX_REHEADINGS = 8
+MAX_ITERATIONS = 40
+MAX_REHEADINGS = 4
 CONVERGED_STEP = 1e-6  # in prior standard deviations and radians
 ROUGH_ROUNDS = 8
+DOUBTING_ROUNDS = 12
+TRIMMINGS = 4
+OUT_OF_LINE = 16.0
 ROUGH_ITERATIONS = 8
 FAR_OFF = 3.0
 """A pose whose field fits worse than that of most by this factor counts half at first."""
-STARTS = (2, 5)
+STARTS = (2, 4)
 """How many starting points are tried, and how many in all if none of the first explains the readings."""
 CHI2_EXPLAINED = 2.0
 
@@ -64,6 +68,31 @@ def refine(poses: Poses, start: Parameters, prior: Prior) -> Solution:
     return problem.solution(*best)
 
 
+def solve_again(
+    poses: Poses, solution: Solution, which: NDArray[np.bool_], prior: Prior | None = None
+) -> Solution:
+    """What some of the poses (P,) tell by themselves; the search starts from what all of them told."""
+    problem = Problem(poses.part(which), prior or Prior())
+    return problem.solution(*_descend(problem, problem.state_of(solution, which)))
+
+
+def robust_field_cost(poses: Poses, solution: Solution, prior: Prior | None = None) -> Array:
+    """(P, M) mean squares by which the field misses in each pose, in standard deviations, where poses that do
+    not fit the others count for little.
+    """
+    problem = Problem(poses, prior or Prior())
+    state = problem.state_of(solution, np.ones(len(poses), dtype=bool))
+    if np.mean(solution.field_residual**2) < CHI2_EXPLAINED**2:
+        return problem.field_cost(state)
+    state = _roughly(problem, initial_states(problem, 1)[0], DOUBTING_ROUNDS)
+    for _ in range(TRIMMINGS):
+        cost = np.median(problem.field_cost(state), axis=1)
+        weight = np.where(cost > OUT_OF_LINE * np.median(cost), 1e-9, 1.0)
+        state = _descend(problem.with_field_weights(weight), state)[0]
+        state = best_headings(problem, state) or state
+    return problem.field_cost(state)
+
+
 def calibrated(poses: Poses, parameters: Parameters) -> Poses:
     """The poses with their accelerometers as the parameters say that they should read."""
     accel = np.linalg.solve(
@@ -90,20 +119,8 @@ def _cost(result: _Result) -> float:
 
 
 def _with_headings(problem: Problem, start: State) -> _Result:
-    """A descent; with two axes a pose can sit on the wrong one of two headings, which solved sensors tell.
-
-    First the poses whose field fits worse than that of most count for little, lest they spoil the sensors
-    that must tell.
-    """
-    for _ in range(ROUGH_ROUNDS):
-        cost = problem.field_cost(start)
-        rough = problem.with_field_weights(1.0 / (1.0 + cost / (FAR_OFF * np.median(cost))))
-        start = _descend(rough, start, ROUGH_ITERATIONS)[0]
-        turned = best_headings(problem, start)
-        if turned is None:
-            break
-        start = turned
-    result = _descend(problem, start)
+    """A descent; with two axes a pose can sit on the wrong one of two headings, which solved sensors tell."""
+    result = _descend(problem, _roughly(problem, start, 0))
     for _ in range(MAX_REHEADINGS):
         turned = best_headings(problem, result[0])
         if turned is None:
@@ -113,6 +130,21 @@ def _with_headings(problem: Problem, start: State) -> _Result:
             break
         result = again
     return result
+
+
+def _roughly(problem: Problem, state: State, rounds_min: int) -> State:
+    """A descent in which poses whose field fits worse than that of most count for little, lest they spoil
+    the sensors that must tell which heading is right.
+    """
+    for count in range(max(ROUGH_ROUNDS, rounds_min)):
+        cost = np.median(problem.field_cost(state), axis=1)
+        weight = 1.0 / (1.0 + cost / (FAR_OFF * np.median(cost))) ** (1 if count < ROUGH_ROUNDS // 2 else 2)
+        state = _descend(problem.with_field_weights(weight), state, ROUGH_ITERATIONS)[0]
+        turned = best_headings(problem, state)
+        if turned is None and count + 1 >= rounds_min:
+            break
+        state = turned or state
+    return state
 
 
 def _descend(problem: Problem, state: State, iterations: int = MAX_ITERATIONS) -> _Result:
