@@ -50,6 +50,7 @@ HOST_MAY_IMPORT = {
         "validate",
         "motion",
     },
+    "ribbonhost.view": {"errors", "wire", "device", "reconstruct", "pipeline", "export"},
     "ribbonhost.calibrate": {"errors", "wire"},
     "ribbonhost.validate": {"errors", "reconstruct"},
     "ribbonhost.export": {"errors"},
@@ -69,7 +70,7 @@ def python_files(folder: str) -> Iterator[tuple[str, Path]]:
 
 
 def imports_when_loaded(source: str) -> set[str]:
-    """Names that a module imports when it is loaded: all but those inside functions."""
+    """Names that a module imports when it is loaded: all but those inside functions and for type checkers."""
     found: set[str] = set()
     todo: list[ast.AST] = [ast.parse(source)]
     while todo:
@@ -80,7 +81,8 @@ def imports_when_loaded(source: str) -> set[str]:
             assert node.level == 0, "imports are absolute"
             module = node.module or ""
             found.update(f"{module}.{alias.name}" for alias in node.names)
-        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not for_types:
             todo.extend(ast.iter_child_nodes(node))
     return found
 
@@ -189,6 +191,8 @@ def test_generated_files_name_their_source() -> None:
         ("ribbonhost.record.reader", "from ribbonhost.device import Device"),
         ("ribbonhost.pipeline", "import ribbonhil.emulator"),
         ("ribbonhost.cli.stream_cli", "import numpy as np"),
+        ("ribbonhost.cli.viewing", "from ribbonhost.view import View"),
+        ("ribbonhost.pipeline.stream", "from ribbonhost.view import View"),
         ("ribbonhil.emulator", "from ribbonhost.pipeline import Pipeline"),
     ],
 )

@@ -18,6 +18,13 @@ CombOption = Annotated[
 ]
 BaudOption = Annotated[int, typer.Option(min=1200, help="Speed of serial ports, bits a second.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
+ViewOption = Annotated[bool, typer.Option("--view", help="Serve a page that shows ribbons and surface.")]
+ViewPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--view-port", min=0, max=65535, help="Of the page.  [default: 8080, or the next that is free]"
+    ),
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there already.")]
 
 
@@ -59,6 +66,8 @@ class StreamOptions:
     rotate_s: Annotated[
         float | None, typer.Option(min=1.0, help="Record to FILE-001, -002 ..., each so long.")
     ] = None
+    view: ViewOption = False
+    view_port: ViewPortOption = None
     json: JsonOption = False
 
 

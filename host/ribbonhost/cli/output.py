@@ -2,6 +2,7 @@
 
 import json
 import queue
+from collections.abc import Callable
 from types import TracebackType
 from typing import Protocol
 
@@ -11,6 +12,9 @@ from rich.live import Live
 from ribbonhost.cli.table import summary_of, table_of
 from ribbonhost.pipeline.report import JsonObject, Report
 from ribbonhost.record import Recorder
+
+OnReport = Callable[[Report], None]
+"""Who is told how a stream stands."""
 
 
 class _Console(Console):

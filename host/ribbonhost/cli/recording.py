@@ -63,12 +63,17 @@ def replay(
     speed: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as possible.")] = 1.0,
     start: Annotated[float, typer.Option("--from", min=0.0, help="Begin at this second.")] = 0.0,
     method: MethodOption = None,
+    view: options.ViewOption = False,
+    view_port: options.ViewPortOption = None,
     json: options.JsonOption = False,
 ) -> None:
     """Play a recording through the same code as the stream; unchanged, it gives the same frames."""
-    from ribbonhost.cli.replay import run_replay
+    from ribbonhost.cli.replay import ReplayOptions, run_replay
 
-    run_replay(files, speed=speed, from_s=start, method=method, as_json=json)
+    run_replay(
+        files,
+        ReplayOptions(speed=speed, from_s=start, method=method, view=view, view_port=view_port, json=json),
+    )
 
 
 def export(

@@ -3,13 +3,16 @@
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
 from ribbonhost.cli.recover import offer_recovery
 from ribbonhost.cli.stream import stop_on_signals
+from ribbonhost.cli.viewing import replay_page
 from ribbonhost.errors import UsageError
 from ribbonhost.pipeline.replay import Replay
+from ribbonhost.pipeline.solving import Solved
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
 from ribbonhost.record import Recording
 
@@ -30,21 +33,76 @@ def checked_method(method: str | None) -> Method | None:
     return method
 
 
-def run_replay(
-    paths: Sequence[Path], *, speed: float, from_s: float, method: str | None, as_json: bool
-) -> None:
-    """Plays until the end or Ctrl-C. speed: times real time, 0: as fast as possible.
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What was typed. speed: times real time, 0: as fast as possible."""
+
+    speed: float
+    from_s: float
+    method: str | None
+    view: bool
+    view_port: int | None
+    json: bool
+
+
+def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
+    """Plays until the end or Ctrl-C; with a page until Ctrl-C.
 
     Raises RecordingError, UsageError if there is nothing from `from_s` on.
     """
-    chosen = checked_method(method)
-    output: Output = JsonOutput() if as_json else TableOutput()
+    chosen = checked_method(options.method)
+    output: Output = JsonOutput() if options.json else TableOutput()
+    if options.view_port is not None and not options.view:
+        raise UsageError("--view-port is for a page: give --view")
+    if options.view:
+        _view(paths, options, chosen, output)
+        return
     replay = Replay(open_recordings(paths), method=chosen, on_event=output.event)
     with stop_on_signals() as stop, output:
-        _play(replay, speed, from_s, output, stop)
+        _play(replay, options.speed, options.from_s, output, stop)
+    _sum_up(replay, output)
+
+
+def _sum_up(replay: Replay, output: Output) -> None:
     output.summary(replay.report())
     if replay.damaged:
         output.note(f"{replay.damaged} damaged pieces of the recording were left out")
+
+
+def _view(paths: Sequence[Path], options: ReplayOptions, method: Method | None, output: Output) -> None:
+    """Reads the whole recording into the page, in which it is played and scrubbed."""
+    if not options.speed:
+        raise UsageError("--speed 0 shows nothing: give --view a speed above 0")
+
+    def on_solved(solved: Solved) -> None:
+        t_s = solved.match.t_host_s - replay.t_zero_s
+        if t_s >= 0:
+            view.keep(solved, t_s)
+
+    recordings = open_recordings(paths)
+    replay = Replay(recordings, method=method, on_event=output.event, on_solved=[on_solved])
+    page = replay_page(
+        replay.arrangement,
+        recordings[0].header,
+        output.note,
+        options.view_port,
+        replay.method,
+        start_s=options.from_s,
+        speed=options.speed,
+    )
+    with stop_on_signals() as stop, page as view:
+        due_s = 0.0
+        for t_s in replay.play():
+            if stop.is_set():
+                break
+            if t_s >= due_s:
+                due_s = t_s + output.interval_s
+                view.report(replay.report())
+        if replay.t_s < options.from_s:
+            raise UsageError(f"--from {options.from_s:g}: the recording ends at {replay.t_s:.1f} s")
+        view.report(replay.report())
+        _sum_up(replay, output)
+        stop.wait()
 
 
 def _play(replay: Replay, speed: float, from_s: float, output: Output, stop: threading.Event) -> None:

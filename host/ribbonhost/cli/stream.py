@@ -7,14 +7,17 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from ribbonhost.cli import forget_stdout
 from ribbonhost.cli.emulation import Emulation, emulate
 from ribbonhost.cli.naming import resolve
 from ribbonhost.cli.options import StreamOptions
-from ribbonhost.cli.output import JsonOutput, Output, TableOutput
+from ribbonhost.cli.output import JsonOutput, OnReport, Output, TableOutput
+from ribbonhost.cli.viewing import TapeRecording, stream_page
 from ribbonhost.comb import Comb, load_comb
 from ribbonhost.device import Device, open_device
 from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
@@ -25,6 +28,9 @@ from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.pipeline.stream import Stream
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
 from ribbonhost.record import Recorder, Tape
+
+if TYPE_CHECKING:
+    from ribbonhost.view import View
 
 RATE_HZ = 100
 RIBBONS = 5
@@ -54,9 +60,12 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
             )
             comb, urls = emulation.comb, emulation.urls
         recorder: Recorder | None = None
+        view: View | None = None
 
         def on_event(label: str, what: str) -> None:
             output.event(label, what)
+            if view:
+                view.event(label, what)
             if label != "recording":
                 tape.event(label, what)
 
@@ -73,7 +82,16 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
         for device in arrangement.unused:
             device.close()
         rate_hz = _rate(options.rate_hz, arrangement.devices, output)
+        header = partial(header_of, arrangement, channels, comb=comb, rate_hz=rate_hz, method=method)
         consumers: list[OnSolved] = []
+        show: list[OnReport] = [output.report]
+        if options.view:
+            button = TapeRecording(tape, header, on_event)
+            truth = emulation is not None
+            page = stream_page(arrangement, output.note, options.view_port, method, truth, button)
+            view = stack.enter_context(page)
+            consumers.append(view.on_solved)
+            show.append(view.report)
         stream = Stream(
             arrangement,
             rate_hz=rate_hz,
@@ -84,8 +102,8 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
             reconnect=options.reconnect,
         )
         if recorder:
-            recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=rate_hz, method=method))
-        _run(stream, options, stop, output, tape, on_event)
+            recorder.start(header())
+        _run(stream, options, stop, output, show, tape, on_event)
         tape.end()
         for recorder in tape.recorders:
             output.recorded(recorder)
@@ -96,6 +114,7 @@ def _run(
     options: StreamOptions,
     stop: threading.Event,
     output: Output,
+    show: Sequence[OnReport],
     tape: Tape,
     on_event: Callable[[str, str], None],
 ) -> None:
@@ -112,7 +131,8 @@ def _run(
             due_s = min(due_s + output.interval_s, end_s)
             stop.wait(max(0.0, due_s - time.monotonic()))
             report = stream.report()
-            output.report(report)
+            for tell in show:
+                tell(report)
             over = stream.over
             if stop.is_set() or time.monotonic() >= end_s or (over and not options.reconnect):
                 break
@@ -134,6 +154,8 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
     for_recording = options.force or options.rotate_mib is not None or options.rotate_s is not None
     if options.record is None and for_recording:
         raise UsageError("--force, --rotate-mib and --rotate-s are for a recording: give --record FILE.mcap")
+    if options.view_port is not None and not options.view:
+        raise UsageError("--view-port is for a page: give --view")
     if options.emulate is not None:
         if options.urls or options.comb:
             raise UsageError("--emulate brings its own ribbons and comb: give it without ports and --comb")
