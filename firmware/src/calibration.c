@@ -49,7 +49,7 @@ void calibration_init(struct calibration *calibration) {
     struct wire_calibration *const values = &calibration->values;
     memset(calibration, 0, sizeof *calibration);
     values->layout = WIRE_CALIBRATION_LAYOUT;
-    values->mag_axes = WIRE_CALIBRATION_MAG_AXES_MAX;
+    values->mag_axes = RIBBON_MAG_AXES;
     values->slot_count = RIBBON_SLOT_COUNT;
     values->pitch_m = RIBBON_PITCH_M;
     values->field_horizontal_ut = FIELD_HORIZONTAL_UT;

@@ -22,7 +22,7 @@ struct calibration {
     uint32_t sequence;                        /* counts commits; 0: never calibrated */
 };
 
-/* The identity for every slot, the nominal pitch, a field of 48 uT that dips 62 degrees, three axes. */
+/* The identity for every slot, the nominal pitch, a field of 48 uT that dips 62 degrees, two axes. */
 void calibration_init(struct calibration *calibration);
 
 /* Whether a record of CALIBRATION_RECORD_BYTES can be used here: layout, slot count, ranges, finite numbers.

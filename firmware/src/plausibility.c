@@ -82,10 +82,11 @@ static float contradiction(const struct check *check, unsigned i) {
         motion += share * fabsf(check->length[j] - input->size);
         length += share * check->length[j];
     }
-    motion *= TOLERANCE_MOVING;
-    const float of_vector = vec3_norm(difference) / (neighbours.tolerance * input->size + motion);
+    const float allowed = neighbours.tolerance * input->size;
     if (input->has_two_axes)
-        return of_vector;
+        return vec3_norm(difference) / allowed; /* a field in which two components are large is no motion */
+    motion *= TOLERANCE_MOVING;
+    const float of_vector = vec3_norm(difference) / (allowed + motion);
     const float of_length = fabsf(check->length[i] - length) / (TOLERANCE_OF_LENGTH * input->size + motion);
     return larger_of(of_vector, of_length);
 }

@@ -11,6 +11,7 @@
 #define RIBBON_NODE_COUNT (RIBBON_SLOT_COUNT / 2u)
 
 #define RIBBON_PITCH_M     0.025f /* until a calibration says otherwise */
+#define RIBBON_MAG_AXES    2u     /* of a magnetometer, the same: x and y */
 #define RIBBON_RATE_HZ     100u   /* after reset */
 #define RIBBON_RATE_MAX_HZ 200u
 

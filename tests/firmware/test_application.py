@@ -38,7 +38,7 @@ def test_first_packet_is_an_info_that_knows_the_parts():
     first, *rest = [wire.decode(p)[0] for p in Deframer().feed(ribbon.read())]
     assert isinstance(first, Info)
     assert first.slots.part.tolist() == [LIS2DW12, MMC5983MA] * NODES
-    assert first.slots.axes.tolist() == [Axes.X | Axes.Y | Axes.Z] * 2 * NODES
+    assert first.slots.axes.tolist() == [Axes.X | Axes.Y | Axes.Z, Axes.X | Axes.Y] * NODES
     assert (first.rate_hz, first.mode, first.calibration_sequence) == (100, Mode.ORIENT, 0)
     orients = [p for p in rest if isinstance(p, Orient)]
     assert all(p.nodes.valid.all() for p in orients)
@@ -195,14 +195,16 @@ def test_committed_calibration_is_used_at_once_and_read_back():
     assert seen.error_deg.mean() > 3, "random matrices turn the ribbon"
 
 
-def test_two_axes_are_as_good_in_a_level_ribbon():
-    """With mag_axes 2 the z axis is not used: mean error below 0.4 deg on the wing."""
+@pytest.mark.parametrize(("mag_axes", "axes"), [(2, Axes.X | Axes.Y), (3, Axes.X | Axes.Y | Axes.Z)])
+def test_axes_and_pitch_follow_the_calibration(mag_axes, axes):
+    """INFO tells them, and a level ribbon is as good with either: mean error below 0.4 deg on the wing."""
     ribbon = RunningRibbon()
-    identity = read_record(ribbon)
-    commit(ribbon, identity[:2] + b"\x02" + identity[3:])
+    values = Calibration.unpack(read_record(ribbon))
+    commit(ribbon, dataclasses.replace(values, mag_axes=mag_axes, pitch_m=0.0213, created_s=1).pack())
     _, packets = ribbon.command(CommandCode.GET_INFO)
     info = next(p for p in packets if isinstance(p, Info))
-    assert info.slots.axes[1::2].tolist() == [Axes.X | Axes.Y] * NODES
+    assert info.slots.axes.tolist() == [Axes.X | Axes.Y | Axes.Z, axes] * NODES
+    assert info.pitch_m == pytest.approx(0.0213)
     ribbon.run_until(ribbon.ribbon.now_s + 0.5)
     seen = ribbon.watch(ribbon.ribbon.now_s + 1.0)
     assert np.isfinite(seen.error_deg).all()

@@ -38,7 +38,7 @@ def test_uncalibrated_device_has_the_identity():
     calibration = new()
     values = Calibration.unpack(in_use(calibration))
     assert values.layout == 1
-    assert values.mag_axes == 3
+    assert values.mag_axes == 2
     assert values.created_s == 0
     assert len(values.slots) == SLOTS
     assert np.array_equal(values.slots.offset, np.zeros((SLOTS, 3)))

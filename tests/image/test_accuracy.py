@@ -21,6 +21,7 @@ RIBBON_M = 0.775
 
 @pytest.mark.parametrize("scene", ["wing", "breath"])
 def test_mean_error_of_the_comb_is_at_most_0_12_percent(scene: str) -> None:
+    """With the two axes that an uncalibrated ribbon has."""
     truth = comb_truth(BUILTIN[scene], RIBBONS)
     assert truth.period_s == PERIOD_S
     image = read_elf(built()).image

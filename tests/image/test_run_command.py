@@ -19,12 +19,15 @@ def ribbonhil(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*RIBBONHIL, *arguments], capture_output=True, text=True, check=False, timeout=120)
 
 
-def test_run_prints_one_json_object() -> None:
+@pytest.mark.parametrize("axes", [2, 3])
+def test_run_prints_one_json_object(axes: int) -> None:
     image = built().with_suffix(".elf")
-    result = ribbonhil("run", str(image), "--scene", "wing", "--frames", "400", "--json")
+    chosen = ("--axes", str(axes)) if axes == 3 else ()
+    result = ribbonhil("run", str(image), "--scene", "wing", "--frames", "400", "--json", *chosen)
     assert (result.returncode, result.stderr) == (0, "")
     report = json.loads(result.stdout)
     expected = {"frames": 400, "crc_errors": 0, "overruns": 0, "bus_conflicts": 0, "matches_host_port": True}
+    expected["axes"] = axes
     assert expected.items() <= report.items()
     assert 10_000 < report["instructions_per_frame"] <= 60_000
     assert 100 < report["scan_us"] < 5_000
