@@ -26,6 +26,14 @@ ViewPortOption = Annotated[
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is there already.")]
+OutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="TARGET",
+        help="Send each frame to other programs: ndjson (stdout), ws://127.0.0.1:PORT, tcp://127.0.0.1:PORT, "
+        "osc://HOST:PORT, or lsl. May be given several times.",
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,7 @@ class StreamOptions:
     rotate_s: Annotated[
         float | None, typer.Option(min=1.0, help="Record to FILE-001, -002 ..., each so long.")
     ] = None
+    out: OutOption = None
     view: ViewOption = False
     view_port: ViewPortOption = None
     json: JsonOption = False

@@ -2,6 +2,8 @@
 
 import json
 import queue
+import sys
+import threading
 from collections.abc import Callable
 from types import TracebackType
 from typing import Protocol
@@ -10,11 +12,21 @@ from rich.console import Console
 from rich.live import Live
 
 from ribbonhost.cli.table import summary_of, table_of
+from ribbonhost.out import Feed
 from ribbonhost.pipeline.report import JsonObject, Report
 from ribbonhost.record import Recorder
 
 OnReport = Callable[[Report], None]
 """Who is told how a stream stands."""
+
+_stdout_lock = threading.Lock()
+
+
+def write_line(line: str) -> None:
+    """Prints a line whole, whoever else prints; it is there at once. Raises BrokenPipeError."""
+    with _stdout_lock:
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
 
 
 class _Console(Console):
@@ -52,6 +64,9 @@ class Output(Protocol):
 
     def recorded(self, recorder: Recorder) -> None:
         """What was recorded, after the end."""
+
+    def fed(self, feed: Feed) -> None:
+        """What was sent to others, after the end."""
 
 
 class JsonOutput:
@@ -97,13 +112,16 @@ class JsonOutput:
             }
         )
 
+    def fed(self, feed: Feed) -> None:
+        self._print({"out": {"target": feed.target, "frames": feed.frames, "missed": feed.missed}})
+
     def _print_events(self) -> None:
         while not self._events.empty():
             label, what = self._events.get()
             self._print({"event": {"ribbon": label, "what": what}})
 
     def _print(self, value: JsonObject) -> None:
-        print(json.dumps(value, allow_nan=False), flush=True)
+        write_line(json.dumps(value, allow_nan=False))
 
 
 class TableOutput:
@@ -154,3 +172,6 @@ class TableOutput:
         if recorder.ended:
             text += f"; ended early: {recorder.ended}"
         self._console.print(text + ".", markup=False, soft_wrap=True, highlight=False)
+
+    def fed(self, feed: Feed) -> None:
+        self.note(f"{feed.target}: {feed.frames} frames sent, {feed.missed} missed by slow listeners.")

@@ -63,6 +63,7 @@ def replay(
     speed: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as possible.")] = 1.0,
     start: Annotated[float, typer.Option("--from", min=0.0, help="Begin at this second.")] = 0.0,
     method: MethodOption = None,
+    out: options.OutOption = None,
     view: options.ViewOption = False,
     view_port: options.ViewPortOption = None,
     json: options.JsonOption = False,
@@ -70,10 +71,7 @@ def replay(
     """Play a recording through the same code as the stream; unchanged, it gives the same frames."""
     from ribbonhost.cli.replay import ReplayOptions, run_replay
 
-    run_replay(
-        files,
-        ReplayOptions(speed=speed, from_s=start, method=method, view=view, view_port=view_port, json=json),
-    )
+    run_replay(files, ReplayOptions(speed, start, method, tuple(out or ()), view, view_port, json))
 
 
 def export(

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
+from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.recover import offer_recovery
 from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
 from ribbonhost.errors import UsageError
+from ribbonhost.out import Facts
 from ribbonhost.pipeline.replay import Replay
-from ribbonhost.pipeline.solving import Solved
+from ribbonhost.pipeline.solving import OnSolved, Solved
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
 from ribbonhost.record import Recording
 
@@ -40,6 +42,7 @@ class ReplayOptions:
     speed: float
     from_s: float
     method: str | None
+    out: tuple[str, ...]
     view: bool
     view_port: int | None
     json: bool
@@ -51,14 +54,27 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
     Raises RecordingError, UsageError if there is nothing from `from_s` on.
     """
     chosen = checked_method(options.method)
-    output: Output = JsonOutput() if options.json else TableOutput()
+    output: Output = JsonOutput() if options.json or LINES in options.out else TableOutput()
     if options.view_port is not None and not options.view:
         raise UsageError("--view-port is for a page: give --view")
+    if options.view and options.out:
+        raise UsageError("--view plays in its page, --out as the recording goes: give one of them")
     if options.view:
         _view(paths, options, chosen, output)
         return
-    replay = Replay(open_recordings(paths), method=chosen, on_event=output.event)
-    with stop_on_signals() as stop, output:
+    recordings = open_recordings(paths)
+    feeds: list[OnSolved] = []
+
+    def on_solved(solved: Solved) -> None:
+        if replay.t_s >= options.from_s:
+            for feed in feeds:
+                feed(solved)
+
+    replay = Replay(recordings, method=chosen, on_event=output.event, on_solved=[on_solved])
+    header = recordings[0].header
+    facts = Facts.of(replay.arrangement, rate_hz=header.rate_hz, unix_offset_s=header.wall_offset_ns / 1e9)
+    with stop_on_signals() as stop, feeding(options.out, facts, output, output.event) as outs, output:
+        feeds.extend(outs.feeds)
         _play(replay, options.speed, options.from_s, output, stop)
     _sum_up(replay, output)
 

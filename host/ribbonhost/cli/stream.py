@@ -17,11 +17,13 @@ from ribbonhost.cli.emulation import Emulation, emulate
 from ribbonhost.cli.naming import resolve
 from ribbonhost.cli.options import StreamOptions
 from ribbonhost.cli.output import JsonOutput, OnReport, Output, TableOutput
+from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.viewing import TapeRecording, stream_page
 from ribbonhost.comb import Comb, load_comb
 from ribbonhost.device import Device, open_device
 from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
 from ribbonhost.link import ports_seen
+from ribbonhost.out import Facts
 from ribbonhost.pipeline.arrangement import arrange_comb, arrange_curves
 from ribbonhost.pipeline.header import header_of
 from ribbonhost.pipeline.solving import OnSolved
@@ -42,7 +44,7 @@ def run_stream(options: StreamOptions) -> None:
     Raises RibbonError if it cannot begin or ended because nothing more can come.
     """
     comb, method = _checked(options)
-    output: Output = JsonOutput() if options.json else TableOutput()
+    output: Output = JsonOutput() if options.json or LINES in (options.out or ()) else TableOutput()
     try:
         _stream(options, comb, method, output)
     except BrokenPipeError:
@@ -82,9 +84,11 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
         for device in arrangement.unused:
             device.close()
         rate_hz = _rate(options.rate_hz, arrangement.devices, output)
+        facts = Facts.of(arrangement, rate_hz=rate_hz, unix_offset_s=time.time() - time.monotonic())
+        outs = stack.enter_context(feeding(options.out or (), facts, output, on_event))
         header = partial(header_of, arrangement, channels, comb=comb, rate_hz=rate_hz, method=method)
-        consumers: list[OnSolved] = []
-        show: list[OnReport] = [output.report]
+        consumers: list[OnSolved] = [*outs.feeds]
+        show: list[OnReport] = [output.report, lambda report: outs.watch()]
         if options.view:
             button = TapeRecording(tape, header, on_event)
             truth = emulation is not None
