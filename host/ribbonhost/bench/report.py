@@ -177,8 +177,7 @@ def _surface(result: dict[str, Any]) -> list[str]:
         prose(
             f"""How often the nodes of a ribbon truly lie in the region that is said to hold them 95 %
             of the time, over {COVERAGE_RUNS} draws of orientations with a standard deviation of
-            {COVERAGE_SIGMA_RAD} rad. Along a straight ribbon errors are of second order only, and the
-            region is a little too large."""
+            {COVERAGE_SIGMA_RAD} rad. Along a straight ribbon errors are of second order only."""
         ),
         markdown(["ribbon", "inside"], inside),
     ]

@@ -1,6 +1,6 @@
 """From the uncertainty of orientations to that of positions: along ribbons, on combs, over the surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,14 @@ MEAN_SHARE = 1 / (7.814728 - 5.991465)
 
 With it the 95 % region for three directions (chi-square 7.81) holds the truth as often as the one for the
 other two (5.99), if the offset is all there is in the third.
+"""
+
+RANDOM_SHARE = 2.0
+"""Of the variance of the shortening of the way, taken node by node, how much counts.
+
+More than one: neighbouring nodes act on the same piece of the way, and a turn that shortens it more leads
+farther aside. For one turn alone that makes 4.4; over ribbons of 4 to 64 nodes, straight and bent,
+two holds the truth 93 to 97 % of the time.
 """
 
 
@@ -61,6 +69,38 @@ def _node_sigma(sigma_rad: Float64, orientations: Orientations) -> Float64:
     return np.where(orientations.bridged, orientations.spread_rad, sigma_rad)
 
 
+def _turned_to(q: Float64, tangent: Float64, target: Float64) -> Float64:
+    """Orientations (..., 4) turned the shortest way that takes unit `tangent` (..., 3) to unit `target`."""
+    aw = 1 + np.sum(tangent * target, axis=-1, keepdims=True)
+    av = np.cross(tangent, target)
+    bw, bv = q[..., :1], q[..., 1:]
+    w = aw * bw - np.sum(av * bv, axis=-1, keepdims=True)
+    turned = np.concatenate([w, aw * bv + bw * av + np.cross(av, bv)], axis=-1)
+    return np.ascontiguousarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
+
+
+def _without_noise(orientations: Orientations, sigma: Float64) -> Orientations:
+    """The same with tangents drawn together to spread only by what noise does not explain.
+
+    sigma: (..., n) standard deviation of each node. A straight ribbon that errors bend looks as if turns of
+    its nodes moved points along it, by more than they truly do in second order. Noise counts as two
+    standard deviations more than its mean, which the sum of its 2 n squares seldom exceeds.
+    """
+    tangent = orientations.tangent
+    measured = ~orientations.bridged[..., None]
+    count = measured.sum(axis=-2, keepdims=True)
+    mean = (tangent * measured).sum(axis=-2, keepdims=True) / count
+    deviation = tangent - mean
+    spread = (deviation**2 * measured).sum(axis=(-2, -1))[..., None, None]
+    mean_noise = 2 * (sigma[..., None] ** 2 * measured).sum(axis=-2, keepdims=True)
+    noise = mean_noise * (1 - 1 / count + 2 / np.sqrt(count))
+    share = np.sqrt(np.maximum(1 - noise / np.maximum(spread, 1e-300), 0))
+    target = mean + share * deviation
+    length = np.linalg.norm(target, axis=-1, keepdims=True)
+    target = np.where(length > 0.1, target / np.maximum(length, 0.1), tangent)
+    return replace(orientations, q_world_node=_turned_to(orientations.q_world_node, tangent, target))
+
+
 def _square_root(
     node_s_m: Float64, orientations: Orientations, sigma_rad: Float64, at_s_m: Float64
 ) -> Float64:
@@ -69,11 +109,13 @@ def _square_root(
     The others are of second order: errors shorten the way along the curve, at random and on average (last
     column). Without them the region would have no thickness along a straight ribbon.
     """
-    first, second = position_sensitivity(node_s_m, orientations, at_s_m)
-    sigma = _node_sigma(sigma_rad, orientations)[..., None, :]
+    node_sigma = _node_sigma(sigma_rad, orientations)
+    first, second = position_sensitivity(node_s_m, _without_noise(orientations, node_sigma), at_s_m)
+    sigma = node_sigma[..., None, :]
     turns = np.moveaxis(first * sigma[..., None, None], -3, -2)
-    random = np.swapaxes(second * sigma[..., None] ** 2, -1, -2)
-    mean = np.sqrt(MEAN_SHARE) * random.sum(axis=-1, keepdims=True)
+    shorter = np.swapaxes(second * sigma[..., None] ** 2, -1, -2)
+    mean = np.sqrt(MEAN_SHARE) * shorter.sum(axis=-1, keepdims=True)
+    random = np.sqrt(RANDOM_SHARE) * shorter
     return np.concatenate([turns.reshape(*turns.shape[:-2], -1), random, mean], axis=-1)
 
 
