@@ -48,6 +48,7 @@ HOST_MAY_IMPORT = {
         "record",
         "export",
         "validate",
+        "calibrate",
         "motion",
         "out",
     },

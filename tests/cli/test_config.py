@@ -133,7 +133,7 @@ def test_the_file_of_another_ribbon_needs_force(
     ("old", "new", "message"),
     [
         ('format = "ribbonhost', 'format = "other', "is no file of"),
-        ("field_horizontal_ut = 21.9", "field_horizontal_ut = 21.8", "was changed since it was dumped"),
+        ("field_horizontal_ut = 21.9", "field_horizontal_ut = 21.8", "was changed since it was written"),
         ("rate_hz = 100", "rate_hz = 1000", "says 1000 scans a second"),
         ('mode = ["orient"]', 'mode = ["fly"]', 'mode "fly" is not one of'),
         ('mode = ["orient"]', 'mode = ["orient", "orient_compact"]', "of which a ribbon sends one"),

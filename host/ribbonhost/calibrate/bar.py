@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ribbonhost import wire
-from ribbonhost.calibrate import refusals
+from ribbonhost.calibrate import reading_checks, solution_checks
 from ribbonhost.calibrate.consistency import disagreement_deg, orientation_sigma_deg
 from ribbonhost.calibrate.place import Place
 from ribbonhost.calibrate.readings import Readings
@@ -70,21 +70,21 @@ def calibrate_bar(
 
     force: also if it is no better than that in use. Raises RefusedError.
     """
-    refusals.check_readings(readings, temperatures_c)
+    reading_checks.check_readings(readings, temperatures_c)
     poses, stays = pose_averages(readings, place.field_ut, axes, pitch_m)
-    refusals.check_stays(stays, refusals.POSES_MIN)
-    refusals.check_attitudes(poses)
+    reading_checks.check_stays(stays, reading_checks.POSES_MIN)
+    reading_checks.check_attitudes(poses)
     solution = solve(poses)
-    refusals.check_solution(poses, solution, robust_field_cost(poses, solution), place.dip_deg)
+    solution_checks.check_solution(poses, solution, robust_field_cost(poses, solution), place.dip_deg)
     sigma_deg = orientation_sigma_deg(solution, place.field_ut)
     lying = np.linalg.norm(poses.up_face, axis=1) > 0.5
-    refusals.check_certainty(float(np.max(sigma_deg)), int(lying.sum()))
+    solution_checks.check_certainty(float(np.max(sigma_deg)), int(lying.sum()))
     held_out = _held_out(lying)
     old_deg = disagreement_deg(poses.part(held_out), parameters_of(in_use, axes), strength_ut(in_use))
     rest = solve_again(poses, solution, ~held_out)
     new_deg = disagreement_deg(poses.part(held_out), rest.parameters, place.field_ut)
     if not force:
-        refusals.check_gain(new_deg, old_deg, int(held_out.sum()))
+        solution_checks.check_gain(new_deg, old_deg, int(held_out.sum()))
     return Result(
         "bar",
         record_of(

@@ -235,7 +235,8 @@ class Problem:
         n_face = n_data + 2 * self.n_poses
         dof = max(n_data - self.n_sensor - 3 * self.n_poses - 1, 1)
         chi2_per_dof = float(residual[:n_data] @ residual[:n_data]) / dof
-        covariance = np.linalg.inv((jacobian.T @ jacobian).toarray())
+        # Readings that scatter by more than their noise make all that follows from them less certain.
+        covariance = np.linalg.inv((jacobian.T @ jacobian).toarray()) * max(chi2_per_dof, 1.0)
         keep = np.r_[0 : self.n_sensor, self.n_unknown - 1]
         scale = self.scale()
         values = np.concatenate([state.accel.ravel(), state.field.ravel(), [0.0]]) * scale

@@ -95,10 +95,8 @@ def robust_field_cost(poses: Poses, solution: Solution, prior: Prior | None = No
 
 def calibrated(poses: Poses, parameters: Parameters) -> Poses:
     """The poses with their accelerometers as the parameters say that they should read."""
-    accel = np.linalg.solve(
-        parameters.accel_matrix, (poses.accel_mps2 - parameters.accel_bias_mps2)[..., None]
-    )[..., 0]
-    accel = np.asarray(accel, dtype=np.float64)
+    inverse = np.linalg.inv(parameters.accel_matrix)
+    accel: Array = np.einsum("aij,paj->pai", inverse, poses.accel_mps2 - parameters.accel_bias_mps2)
     return Poses(accel, poses.field_ut, poses.accel_sigma_mps2, poses.field_sigma_ut, poses.field_strength_ut)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ribbonhost.cli import options, recording, ribbons
+from ribbonhost.cli import calibrate, options, recording, ribbons
 
 
 def build_app() -> typer.Typer:
@@ -23,6 +23,7 @@ def build_app() -> typer.Typer:
     app.command(epilog="Example: ribbonhost stream --emulate wing --seconds 10")(stream)
     ribbons.register(app)
     recording.register(app)
+    calibrate.register(app)
     if find_spec("ribbonhost.bench") and find_spec("ribbonhost.bench.cli"):
         from ribbonhost.bench.cli import app as bench
 

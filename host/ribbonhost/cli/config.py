@@ -1,19 +1,17 @@
 """`ribbonhost config`: keeps what a ribbon is set to in a file, and gives it back."""
 
-import contextlib
 import json
-import os
-import tempfile
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 from ribbonhost import wire
 from ribbonhost.cli.config_file import DeviceConfig, config_text, load_config, mode_names
+from ribbonhost.cli.files import write_whole
 from ribbonhost.cli.naming import open_named
 from ribbonhost.device import Device
 from ribbonhost.device.calibration import read_calibration, write_calibration
-from ribbonhost.errors import DeviceError, RibbonError, UsageError
+from ribbonhost.errors import DeviceError, UsageError
 
 
 def run_dump(
@@ -31,7 +29,7 @@ def run_dump(
     config = DeviceConfig(device.serial, info.rate_hz, info.mode, stored.values)
     text = config_text(config, info, port=device.name, version=version("ribbonhost"), now=datetime.now(UTC))
     if path:
-        _write_whole(path, text)
+        write_whole(path, text)
     if as_json:
         facts: dict[str, object] = {
             **_facts(device, info, stored.crc32),
@@ -109,21 +107,3 @@ def _calibration(info: wire.Info) -> str:
 def _info_of(device: Device) -> wire.Info:
     assert device.info is not None  # a device that was opened has answered
     return device.info
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """The file is there as a whole or not at all. Raises RibbonError if it cannot be written."""
-    try:
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
-            raise
-    except OSError as error:
-        raise RibbonError(f"{path} cannot be written: {error.strerror}") from error

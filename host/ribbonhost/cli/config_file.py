@@ -38,49 +38,56 @@ class DeviceConfig:
 def config_text(config: DeviceConfig, info: wire.Info, *, port: str, version: str, now: datetime) -> str:
     """The file, with what else is worth knowing of where it comes from."""
     calibration = config.calibration
-    created = datetime.fromtimestamp(calibration.created_s, UTC).isoformat(timespec="seconds")
-    made = f"made {created}" if calibration.created_s else "never calibrated"
     lines = [
         "# What a ribbon is set to: `ribbonhost config restore DEVICE FILE` gives it back.",
-        f"format = {_text(FORMAT)}",
+        f"format = {toml_text(FORMAT)}",
         "",
         "[device]",
-        f"serial = {_text(config.serial)}",
-        f"board = {_text(name_of(wire.Board, info.board))}",
-        f"firmware = {_text('.'.join(map(str, info.firmware_version)))}",
+        f"serial = {toml_text(config.serial)}",
+        f"board = {toml_text(name_of(wire.Board, info.board))}",
+        f"firmware = {toml_text('.'.join(map(str, info.firmware_version)))}",
         f"wire_version = {info.wire_version}",
-        f"schema = {_text(f'{info.schema_hash:08x}')}",
+        f"schema = {toml_text(f'{info.schema_hash:08x}')}",
         "",
         "[provenance]",
         f"dumped = {now.astimezone(UTC).replace(tzinfo=None).isoformat(timespec='seconds')}Z",
-        f"port = {_text(port)}",
-        f"ribbonhost = {_text(version)}",
+        f"port = {toml_text(port)}",
+        f"ribbonhost = {toml_text(version)}",
         f"calibration_sequence = {info.calibration_sequence}",
         "",
         "[settings]",
         f"rate_hz = {config.rate_hz}",
-        f"mode = [{', '.join(_text(name) for name in mode_names(config.mode))}]",
+        f"mode = [{', '.join(toml_text(name) for name in mode_names(config.mode))}]",
         "",
+    ]
+    return "\n".join([*lines, *calibration_lines(calibration, info)]) + "\n"
+
+
+def calibration_lines(calibration: wire.Calibration, info: wire.Info) -> list[str]:
+    """The tables [calibration] and [[calibration.slot]], each number as it is on the device."""
+    created = datetime.fromtimestamp(calibration.created_s, UTC).isoformat(timespec="seconds")
+    made = f"made {created}" if calibration.created_s else "never calibrated"
+    lines = [
         f"[calibration]  # {made}",
         f'crc32 = "{crc32(calibration.pack()):08x}"  # of the record; without this line it may be edited',
         f"layout = {calibration.layout}",
         f"mag_axes = {calibration.mag_axes}",
         f"created_s = {calibration.created_s}",
-        f"pitch_m = {_single(calibration.pitch_m)}",
-        f"field_horizontal_ut = {_single(calibration.field_horizontal_ut)}",
-        f"field_down_ut = {_single(calibration.field_down_ut)}",
+        f"pitch_m = {single(calibration.pitch_m)}",
+        f"field_horizontal_ut = {single(calibration.field_horizontal_ut)}",
+        f"field_down_ut = {single(calibration.field_down_ut)}",
     ]
     slots = calibration.slots
     for slot, (offset, matrix) in enumerate(zip(slots.offset, slots.matrix, strict=True)):
         part = name_of(wire.Part, int(info.slots.part[slot]))
-        rows = ", ".join(_singles(row) for row in matrix.reshape(3, 3))
+        rows = ", ".join(singles(row) for row in matrix.reshape(3, 3))
         lines += [
             "",
             f"[[calibration.slot]]  # {slot}: {part}",
-            f"offset = {_singles(offset)}",
+            f"offset = {singles(offset)}",
             f"matrix = [{rows}]",
         ]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def load_config(path: Path) -> DeviceConfig:
@@ -106,8 +113,10 @@ def mode_names(mode: wire.Mode) -> list[str]:
     return [str(flag.name).lower() for flag in wire.Mode if flag in mode]
 
 
-def _config_of(tables: dict[str, dict[str, object]]) -> DeviceConfig:
-    settings, table = tables["settings"], tables["calibration"]
+def calibration_of(table: dict[str, object]) -> wire.Calibration:
+    """The record of a table [calibration]. Raises KeyError, TypeError, ValueError, AttributeError or
+    OverflowError for what is none.
+    """
     slots = table.get("slot", [])
     if not isinstance(slots, list):
         raise TypeError("calibration.slot is no list of tables")
@@ -126,9 +135,14 @@ def _config_of(tables: dict[str, dict[str, object]]) -> DeviceConfig:
     found = f"{crc32(calibration.pack()):08x}"
     if (stated := table.get("crc32", found)) != found:
         raise ValueError(
-            f"the calibration was changed since it was dumped (its CRC is {found}, not {stated}); "
+            f"the calibration was changed since it was written (its CRC is {found}, not {stated}); "
             "without the line crc32 it is taken as it is"
         )
+    return calibration
+
+
+def _config_of(tables: dict[str, dict[str, object]]) -> DeviceConfig:
+    settings, calibration = tables["settings"], calibration_of(tables["calibration"])
     mode = wire.Mode(0)
     names = settings["mode"]
     if not isinstance(names, list):
@@ -161,15 +175,15 @@ def _numbers(values: object, shape: tuple[int, ...]) -> list[object]:
     return [_numbers(value, shape[1:]) if shape[1:] else _number(value) for value in values]
 
 
-def _single(value: float) -> str:
+def single(value: float) -> str:
     """The shortest text that reads as the same single-precision number."""
     return str(np.float32(value))
 
 
-def _singles(values: NDArray[np.float64]) -> str:
-    return f"[{', '.join(_single(value) for value in values)}]"
+def singles(values: NDArray[np.float64]) -> str:
+    return f"[{', '.join(single(value) for value in values)}]"
 
 
-def _text(value: str) -> str:
+def toml_text(value: str) -> str:
     """A TOML basic string: JSON's escapes are among TOML's."""
     return json.dumps(value, ensure_ascii=False)
