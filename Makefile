@@ -11,12 +11,13 @@ C_SOURCES := $(shell git ls-files '*.c' '*.h')
 NATIVE_SOURCES := $(filter host/%,$(C_SOURCES))
 FIRMWARE_SOURCES := $(filter hil/% firmware/%,$(C_SOURCES))
 
-.PHONY: help setup stream firmware flash test soak check bench format clean
+.PHONY: help setup stream firmware flash test soak pictures check bench format clean
 
 help:
-	@echo "make stream [SCENE=wing|sea|breath|file.py] [SECONDS=10]   emulated comb on a moving surface, live"
+	@echo "make stream [SCENE=wing|sea|breath|file.py] [SECONDS=10]   emulated comb on a moving surface, live, in a page"
 	@echo "make test      all tests and checks"
-	@echo "make soak      a recording killed at 20 random moments"
+	@echo "make soak      a recording killed at 20 random moments, and ten minutes of view and recording"
+	@echo "make pictures  the pictures of README.md, taken of the page"
 	@echo "make firmware [BOARD=feather_f405]   the STM32F405 image, firmware/build/stm32f405/ribbon.bin"
 	@echo "make flash     the image into a board in DFU mode"
 	@echo "make setup     .venv/bin/ribbonhost and .venv/bin/ribbonhil"
@@ -26,7 +27,7 @@ help:
 	@echo "make clean     remove everything that was built"
 
 stream: setup
-	@$(BIN)/ribbonhost stream --emulate $(SCENE) $(if $(SECONDS),--seconds $(SECONDS))
+	@$(BIN)/ribbonhost stream --emulate $(SCENE) --view $(if $(SECONDS),--seconds $(SECONDS))
 
 setup: $(VENV)/.native $(VENV)/.firmware
 
@@ -52,7 +53,7 @@ $(BIN)/python:
 $(VENV)/.installed: $(BIN)/python host/pyproject.toml host/setup.py hil/pyproject.toml hil/setup.py
 	@echo "Installing ribbonhost and ribbonhil into $(VENV)"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check 'setuptools>=77' wheel 'cffi>=1.16'
-	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation -e host -e hil
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation -e 'host[view]' -e hil
 	@touch $@
 
 $(VENV)/.native: $(VENV)/.installed $(NATIVE_SOURCES) host/ribbonhost/native/build.py
@@ -65,6 +66,7 @@ $(VENV)/.firmware: $(VENV)/.installed $(FIRMWARE_SOURCES) hil/ribbonhil/firmware
 
 $(VENV)/.test: $(VENV)/.installed tests/requirements.txt tests/image/requirements-no-deps.txt firmware/packages.txt
 	@.ci/system-packages $$(cat firmware/packages.txt)
+	@{ command -v chromium || command -v google-chrome; } >/dev/null || .ci/system-packages chromium
 	@echo "Installing what the tests need into $(VENV)"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -r tests/requirements.txt
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r tests/image/requirements-no-deps.txt
@@ -82,6 +84,10 @@ test: check
 
 soak: setup $(VENV)/.test
 	@RIBBON_SOAK_KILLS=20 $(BIN)/python -m pytest -q tests/record/test_recording.py -k killed
+	@RIBBON_SOAK_VIEW_S=600 $(BIN)/python -m pytest -q -s tests/view/test_endurance.py
+
+pictures: setup $(VENV)/.test
+	@$(BIN)/python docs/take_pictures.py
 
 check: setup $(VENV)/.test $(VENV)/.model
 	@$(BIN)/ruff check --config host/pyproject.toml .
