@@ -82,7 +82,7 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write: .csv .npz .parquet .bvh .glb .usda .usdc .usdz .obj .ply .stl .mp4 .gif.",
+            help="File to write: .csv .npz .parquet .bvh .glb .usda .usdc .usdz .obj .ply .stl .html .mp4 .gif.",
         ),
     ],
     start: Annotated[float | None, typer.Option("--from", min=0.0, help="First second.")] = None,

@@ -22,6 +22,7 @@ FORMATS: dict[str, str] = {
     ".obj": "mesh of one frame, or one file a frame",
     ".ply": "mesh of one frame, or one file a frame",
     ".stl": "mesh of one frame, or one file a frame",
+    ".html": "page that plays the motion: any browser, without a network",
     ".mp4": "film",
     ".gif": "film",
 }
@@ -100,6 +101,10 @@ def _write(
             from ribbonhost.export.usd import write_usd
 
             write_usd(animation, path, options.up, 1.0 / options.scale)
+        case ".html":
+            from ribbonhost.export.page import write_page
+
+            write_page(animation, path, options.up)
         case _:
             from ribbonhost.export.video import write_video
 
