@@ -55,9 +55,8 @@ def test_view_and_recording_lose_nothing_and_do_not_grow(tmp_path: Path) -> None
         lines = command.stop()
     (summary,) = [line["summary"] for line in lines if "summary" in line]
     (recorded,) = [line["recording"] for line in lines if "recording" in line]
-    (share,) = [
-        match for line in lines if (match := re.search(r"([\d.]+) % of a core", line.get("note", "")))
-    ]
+    (note,) = [line["note"] for line in lines if "of a core" in line.get("note", "")]
+    share_percent = float(re.findall(r"([\d.]+) % of a core", note)[0])
     low, high = min(memory_mib), max(memory_mib)
     print(
         f"\n{SECONDS:.0f} s, {summary['frames']} frames, {summary['lost']} lost, "
