@@ -36,7 +36,7 @@ DATA = {
     "noise": "the parts' noise, frame by frame at 100 Hz; the surface moves, its acceleration is left out",
     "noise_smoothed": f"the same through {SMOOTHING_HZ:g} Hz smoothing, against the truth before its delay",
     "noise_at_rest": "the parts' noise, each frame held still, which the firmware uses to average it away",
-    "motion": "as noise, but with the acceleration of the scene's own period, taken for a tilt",
+    "motion": "the parts' noise, and the acceleration of the scene's own period, which is taken for a tilt",
     "motion_smoothed": f"the same through {SMOOTHING_HZ:g} Hz smoothing, against the truth before its delay",
     "paper": "exact tangents at 16 nodes from the anchor on, four ribbons, reference known where they start",
 }

@@ -94,7 +94,8 @@ def _accuracy(result: dict[str, Any]) -> list[str]:
         "## Whole combs",
         prose(
             f"""E, percent: mean [least, largest] over {result["frames"]} frames of one period.
-            `hermite` is the paper's frame update, `spline` the default."""
+            `hermite` is the paper's frame update, `spline` the default. Emulated sensors are those of the
+            firmware's own settings: a ribbon's magnetometers measure two axes."""
         ),
         markdown(["data", "method", *scenes], rows),
         "\n".join(f"- {TITLES[kind]}: {meaning}." for kind, meaning in result["data"].items()),
