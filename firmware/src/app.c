@@ -23,6 +23,7 @@ void app_use_calibration(struct app *app) {
     app->fusion_params.has_two_axes = values->mag_axes == 2u;
     memcpy(app->fusion_params.blind, app->calibration.blind, sizeof app->fusion_params.blind);
     fusion_reset(&app->fusion_params, &app->fusion_state, &app->fusion_derived);
+    health_reset(&app->health);
 }
 
 void app_init(struct app *app, struct board *board) {
@@ -87,6 +88,8 @@ static void scan(struct app *app) {
     app->last_scan_us = t_us;
     fusion_update(&app->fusion_params, &app->fusion_state, &app->fusion_derived, &app->fusion_input,
                   app->nodes);
+    health_watch(&app->health, &app->fusion_params, &app->fusion_state, &app->fusion_input,
+                 app->fusion_derived.field_ut);
     app->scans++;
     if (app->is_announced) {
         send_stream(app, t_us);

@@ -7,6 +7,7 @@
 #include "calibration_store.h"
 #include "framing.h"
 #include "fusion.h"
+#include "health.h"
 #include "outbox.h"
 #include "schedule.h"
 #include "sensor_string.h"
@@ -24,6 +25,7 @@ struct app {
     struct fusion_derived fusion_derived;
     struct fusion_input fusion_input;
     struct fusion_node nodes[RIBBON_NODE_COUNT];
+    struct health health;
     struct outbox outbox;
     struct framing_reader reader;
     uint8_t frame[FRAMING_MAX_FRAME_BYTES]; /* being sent: must not change until the board is done with it */

@@ -66,6 +66,13 @@ size_t packets_status(const struct app *app, uint8_t *packet) {
             .reason = app->string.slots[i].reason,
             .errors = app->string.slots[i].errors,
         };
+    status.health_count = RIBBON_SLOT_COUNT;
+    for (unsigned i = 0; i < RIBBON_SLOT_COUNT; i++)
+        status.health[i] = (struct wire_slot_health){
+            .misfit = app->health.misfit[i],
+            .length_permille =
+                health_length_permille(&app->health, &app->fusion_params, app->fusion_derived.field_ut, i),
+        };
     return wire_status_pack(&status, packet, WIRE_MAX_PACKET_BYTES);
 }
 

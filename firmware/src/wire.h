@@ -20,7 +20,7 @@
 
 #define WIRE_VERSION             2
 #define WIRE_OLDEST_HOST_VERSION 1
-#define WIRE_SCHEMA_HASH         0x9FC03E2Cu
+#define WIRE_SCHEMA_HASH         0x00337FC8u
 #define WIRE_MAX_PACKET_BYTES    576u
 #define WIRE_NODE_MAX            32u
 #define WIRE_SLOT_MAX            64u
@@ -218,11 +218,22 @@ enum wire_quality {
     WIRE_QUALITY_HEADING_AMBIGUOUS = 128,
 };
 
+/* What a slot reads at rest, or on the whole, that its calibration does not explain. */
+enum wire_misfit {
+    /* |a| is outside 0.99 to 1.01 g, or |B| not that of the local field */
+    WIRE_MISFIT_LENGTH = 1,
+    /* an accelerometer's level is not the one that its neighbours read */
+    WIRE_MISFIT_NEIGHBOURS = 2,
+    /* the dip angle of the field is not the local one */
+    WIRE_MISFIT_DIP = 4,
+};
+
 /* Bytes on the wire. MIN: with empty arrays. */
 #define WIRE_SLOT_INFO_BYTES        6u
 #define WIRE_SLOT_STATUS_BYTES      3u
 #define WIRE_NODE_BYTES             7u
 #define WIRE_NODE_COMPACT_BYTES     5u
+#define WIRE_SLOT_HEALTH_BYTES      2u
 #define WIRE_ACCEL_RAW_BYTES        7u
 #define WIRE_MAG_RAW_BYTES          10u
 #define WIRE_SLOT_CALIBRATION_BYTES 48u
@@ -237,8 +248,8 @@ enum wire_quality {
 #define WIRE_ORIENT_COMPACT_MAX_BYTES 168u
 #define WIRE_RAW_MIN_BYTES            21u
 #define WIRE_RAW_MAX_BYTES            565u
-#define WIRE_STATUS_MIN_BYTES         55u
-#define WIRE_STATUS_MAX_BYTES         247u
+#define WIRE_STATUS_MIN_BYTES         56u
+#define WIRE_STATUS_MAX_BYTES         376u
 #define WIRE_COMMAND_MIN_BYTES        9u
 #define WIRE_COMMAND_MAX_BYTES        201u
 #define WIRE_ACK_MIN_BYTES            10u
@@ -269,6 +280,7 @@ enum wire_quality {
 #define WIRE_RAW_ACCEL_COUNT_MAX                 WIRE_NODE_MAX
 #define WIRE_RAW_MAG_COUNT_MAX                   WIRE_NODE_MAX
 #define WIRE_STATUS_SLOT_COUNT_MAX               WIRE_SLOT_MAX
+#define WIRE_STATUS_HEALTH_COUNT_MAX             WIRE_SLOT_MAX
 #define WIRE_COMMAND_DATA_COUNT_MAX              192u
 #define WIRE_ACK_DATA_COUNT_MAX                  192u
 
@@ -308,6 +320,15 @@ struct wire_node_compact {
     bool q_world_node_valid;
     /* as in node */
     uint8_t quality;
+};
+
+/* How well one slot's calibration fits. */
+struct wire_slot_health {
+    /* what does not fit; 0: nothing was found (wire_misfit) */
+    uint8_t misfit;
+    /* by how much |a| at rest exceeds g, or |B| the local field; 127: by that or more; -127: falls short
+     * by that or more; -128: not known */
+    int8_t length_permille;
 };
 
 /* One accelerometer reading. */
@@ -486,6 +507,10 @@ struct wire_status {
     uint8_t slot_count;
     /* one a slot */
     struct wire_slot_status slots[WIRE_SLOT_MAX];
+    /* slots whose health follows: all or none */
+    uint8_t health_count;
+    /* one a slot */
+    struct wire_slot_health health[WIRE_SLOT_MAX];
 };
 
 /* Asks for something. Answered by one ACK with the same tag; a host repeats it after 0.25 s. */
@@ -820,6 +845,17 @@ static inline void wire_get_node_compact(struct wire_reader *reader, struct wire
     item->quality = (uint8_t)wire_get(reader, 1);
 }
 
+static inline uint8_t *wire_put_slot_health(uint8_t *out, const struct wire_slot_health *item) {
+    out = wire_put_u8(out, item->misfit);
+    out = wire_put_u8(out, (uint8_t)item->length_permille);
+    return out;
+}
+
+static inline void wire_get_slot_health(struct wire_reader *reader, struct wire_slot_health *item) {
+    item->misfit = (uint8_t)wire_get(reader, 1);
+    item->length_permille = (int8_t)wire_get_signed(reader, 1);
+}
+
 static inline uint8_t *wire_put_accel_raw(uint8_t *out, const struct wire_accel_raw *item) {
     out = wire_put_u8(out, item->reason);
     for (unsigned i = 0; i < 3; i++)
@@ -1068,8 +1104,11 @@ static inline int wire_raw_unpack(const uint8_t *packet, size_t n, struct wire_r
 static inline size_t wire_status_pack(const struct wire_status *status, uint8_t *out, size_t capacity) {
     if (status->slot_count > WIRE_STATUS_SLOT_COUNT_MAX)
         return 0;
+    if (status->health_count > WIRE_STATUS_HEALTH_COUNT_MAX)
+        return 0;
     size_t size = WIRE_STATUS_MIN_BYTES;
     size += status->slot_count * WIRE_SLOT_STATUS_BYTES;
+    size += status->health_count * WIRE_SLOT_HEALTH_BYTES;
     if (size > capacity)
         return 0;
     out = wire_put_u8(out, WIRE_PACKET_STATUS);
@@ -1093,6 +1132,9 @@ static inline size_t wire_status_pack(const struct wire_status *status, uint8_t 
     out = wire_put_u8(out, status->slot_count);
     for (unsigned i = 0; i < status->slot_count; i++)
         out = wire_put_slot_status(out, &status->slots[i]);
+    out = wire_put_u8(out, status->health_count);
+    for (unsigned i = 0; i < status->health_count; i++)
+        out = wire_put_slot_health(out, &status->health[i]);
     return size;
 }
 
@@ -1123,6 +1165,11 @@ static inline int wire_status_unpack(const uint8_t *packet, size_t n, struct wir
         return WIRE_ERROR_COUNT;
     for (unsigned i = 0; i < status->slot_count; i++)
         wire_get_slot_status(reader, &status->slots[i]);
+    status->health_count = (uint8_t)wire_get(reader, 1);
+    if (status->health_count > WIRE_STATUS_HEALTH_COUNT_MAX)
+        return WIRE_ERROR_COUNT;
+    for (unsigned i = 0; i < status->health_count; i++)
+        wire_get_slot_health(reader, &status->health[i]);
     return whole.truncated ? WIRE_ERROR_TRUNCATED : (int)(n - whole.left);
 }
 

@@ -38,6 +38,7 @@ HEADERS = (
     FIRMWARE / "branch.h",
     FIRMWARE / "quaternion.h",
     FIRMWARE / "fusion.h",
+    FIRMWARE / "health.h",
     FIRMWARE / "board.h",
     FIRMWARE / "port" / "host" / "host_board.h",
     FIRMWARE / "calibration_store.h",

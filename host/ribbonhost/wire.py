@@ -210,7 +210,7 @@ def _smallest_three_inverse(
 
 WIRE_VERSION = 2
 OLDEST_HOST_VERSION = 1
-SCHEMA_HASH = 0x9FC03E2C
+SCHEMA_HASH = 0x00337FC8
 MAX_PACKET_BYTES = 576
 NODE_MAX = 32
 SLOT_MAX = 64
@@ -422,6 +422,17 @@ class Quality(IntFlag):
     HEADING_AMBIGUOUS = 128
 
 
+class Misfit(IntFlag):
+    """What a slot reads at rest, or on the whole, that its calibration does not explain."""
+
+    # |a| is outside 0.99 to 1.01 g, or |B| not that of the local field
+    LENGTH = 1
+    # an accelerometer's level is not the one that its neighbours read
+    NEIGHBOURS = 2
+    # the dip angle of the field is not the local one
+    DIP = 4
+
+
 @dataclass(frozen=True, eq=False)
 class SlotInfoArray:
     """One slot of the sensor string, in order of distance from the connector; slot i sits at i * pitch.
@@ -491,6 +502,22 @@ class NodeCompactArray:
 
     def __len__(self) -> int:
         return len(self.q_world_node)
+
+
+@dataclass(frozen=True, eq=False)
+class SlotHealthArray:
+    """How well one slot's calibration fits. One row each.
+
+    misfit: (n,); what does not fit; 0: nothing was found
+    length_permille: (n,); by how much |a| at rest exceeds g, or |B| the local field; 127: by that or
+        more; -127: falls short by that or more; -128: not known
+    """
+
+    misfit: npt.NDArray[np.uint8]
+    length_permille: npt.NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.misfit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -695,6 +722,7 @@ class Status:
     fault_lr: 0: invalid; link register there
     fault_cfsr: 0: invalid; configurable fault status register there
     slots: one a slot
+    health: one a slot
     """
 
     t_us: int
@@ -715,6 +743,7 @@ class Status:
     fault_lr: int
     fault_cfsr: int
     slots: SlotStatusArray
+    health: SlotHealthArray
 
 
 @dataclass(frozen=True)
@@ -946,6 +975,33 @@ def _read_node_compact(octets: bytes, at: int, count: int) -> NodeCompactArray:
         q_world_node=q_world_node,
         valid=valid,
         quality=quality,
+    )
+
+
+_SLOT_HEALTH = np.dtype(
+    [
+        ("misfit", "<u1"),
+        ("length_permille", "<i1"),
+    ]
+)
+
+
+def _write_slot_health(items: SlotHealthArray, count: int, name: str) -> bytes:
+    rows = np.empty(count, _SLOT_HEALTH)
+    misfit = _checked_ints(items.misfit, (count,), 0, 255, f"{name}.misfit")
+    rows["misfit"] = misfit
+    length_permille = _checked_ints(items.length_permille, (count,), -128, 127, f"{name}.length_permille")
+    rows["length_permille"] = length_permille
+    return rows.tobytes()
+
+
+def _read_slot_health(octets: bytes, at: int, count: int) -> SlotHealthArray:
+    rows = np.frombuffer(octets, _SLOT_HEALTH, count, at)
+    misfit = rows["misfit"].astype(np.uint8)
+    length_permille = rows["length_permille"].astype(np.int32)
+    return SlotHealthArray(
+        misfit=misfit,
+        length_permille=length_permille,
     )
 
 
@@ -1289,10 +1345,12 @@ def _decode_raw(octets: bytes) -> tuple[Raw, int]:
 
 
 _STATUS_FIXED = struct.Struct("<BIIIIIIIIHHBBBhIIIB")
+_STATUS_FIXED_2 = struct.Struct("<B")
 
 
 def _encode_status(status: Status) -> bytes:
     slot_count = _checked_count(len(status.slots), SLOT_MAX, "Status.slots")
+    health_count = _checked_count(len(status.health), SLOT_MAX, "Status.health")
     pieces = [
         _STATUS_FIXED.pack(
             PacketId.STATUS,
@@ -1316,6 +1374,10 @@ def _encode_status(status: Status) -> bytes:
             slot_count,
         ),
         _write_slot_status(status.slots, slot_count, "Status.slots"),
+        _STATUS_FIXED_2.pack(
+            health_count,
+        ),
+        _write_slot_health(status.health, health_count, "Status.health"),
     ]
     return b"".join(pieces)
 
@@ -1347,6 +1409,11 @@ def _decode_status(octets: bytes) -> tuple[Status, int]:
     end = _end_of_items(octets, at, slot_count, SLOT_MAX, _SLOT_STATUS.itemsize, "Status")
     slots = _read_slot_status(octets, at, slot_count)
     at = end
+    (health_count,) = _take_fixed(_STATUS_FIXED_2, octets, at, "Status")
+    at += _STATUS_FIXED_2.size
+    end = _end_of_items(octets, at, health_count, SLOT_MAX, _SLOT_HEALTH.itemsize, "Status")
+    health = _read_slot_health(octets, at, health_count)
+    at = end
     status = Status(
         t_us=t_us,
         uptime_s=uptime_s,
@@ -1366,6 +1433,7 @@ def _decode_status(octets: bytes) -> tuple[Status, int]:
         fault_lr=fault_lr,
         fault_cfsr=fault_cfsr,
         slots=slots,
+        health=health,
     )
     return status, len(octets) - at
 

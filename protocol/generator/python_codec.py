@@ -125,11 +125,10 @@ def codec(group: Group, enums: set[str]) -> str:
             layouts.append(f'{layout} = struct.Struct("<{codes}")')
             values = [f"PacketId.{upper}"] * first + [_to_struct(group, f) for f in run]
             encode += exploded(f"        {layout}.pack(", values, "),")
-            decode += exploded(
-                "    (",
-                ["_"] * first + [f.name for f in run],
-                f') = _take_fixed({layout}, octets, at, "{cls}")',
-            )
+            names = ["_"] * first + [f.name for f in run]
+            taken = f') = _take_fixed({layout}, octets, at, "{cls}")'
+            # The formatter keeps a name that is alone on the line.
+            decode += exploded("    (", names, taken) if len(names) > 1 else [f"    ({names[0]},{taken}"]
             decode.append(f"    at += {layout}.size")
         if array is not None:
             where = f'{array.count}, "{cls}.{array.name}"'

@@ -101,3 +101,24 @@ alters("status_enumerations_are_known", "saw 99", "status", lambda s, _: {"reset
 alters("status_enumerations_are_known", "saw 98", "status", lambda s, _: {"clock_source": 98})
 alters("fault_record_needs_a_fault", "08001234", "status", lambda s, _: {"fault_pc": 0x08001234})
 alters("temperature_is_possible", "200 degC", "status", lambda s, _: {"temperature_c": 200.0})
+alters(
+    "health_is_of_all_slots_or_none",
+    "saw 30",
+    "status",
+    lambda s, _: {"health": wire.SlotHealthArray(s.health.misfit[:30], s.health.length_permille[:30])},
+)
+alters(
+    "health_is_of_all_slots_or_none",
+    "128",
+    "status",
+    lambda s, _: {"health": altered_array(s.health, misfit=put(5, 128))},
+)
+alters(
+    "slots_without_readings_are_not_judged",
+    "no misfit in slot 2, saw 1",
+    "status",
+    lambda s, _: {
+        "slots": altered_array(s.slots, reason=put(2, 5)),
+        "health": altered_array(s.health, misfit=put(2, 1)),
+    },
+)

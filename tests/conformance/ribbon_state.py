@@ -132,6 +132,9 @@ class RibbonState:
             fault_lr=0,
             fault_cfsr=0,
             slots=wire.SlotStatusArray(self.reasons(), np.array(self.errors, np.int32)),
+            health=wire.SlotHealthArray(
+                np.zeros(self.slot_count, np.uint8), np.full(self.slot_count, -128, np.int32)
+            ),
         )
 
     def attitude(self) -> tuple[np.ndarray, ...]:

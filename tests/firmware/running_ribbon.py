@@ -92,6 +92,8 @@ class RunningRibbon:
 
     def status(self) -> Status:
         _, packets = self.command(CommandCode.GET_STATUS)
+        # On a slow link it takes 40 ms after the answers and the frame before it.
+        packets += self.run_until(self.ribbon.now_s + 0.06)
         return next(p for p in packets if isinstance(p, Status))
 
     def true_time_s(self, t_us: int) -> float:

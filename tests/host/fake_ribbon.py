@@ -63,6 +63,9 @@ def status_packet() -> wire.Status:
         slots=wire.SlotStatusArray(
             reason=np.zeros(2 * NODES, np.uint8), errors=np.zeros(2 * NODES, np.uint16)
         ),
+        health=wire.SlotHealthArray(
+            misfit=np.zeros(2 * NODES, np.uint8), length_permille=np.zeros(2 * NODES, np.int32)
+        ),
     )  # fmt: skip
 
 

@@ -57,7 +57,14 @@ def test_bytes_worked_by_hand_are_in_the_file() -> None:
     )
     # temperature_c is 327.67 degrees, 0x7fff hundredths of one.
     assert golden("status", "largest values, all items") == (
-        b"\x05" + b"\xff" * 39 + b"\xff\x7f" + b"\xff" * 12 + b"\x40" + b"\xff" * 3 * 64
+        b"\x05"
+        + b"\xff" * 39
+        + b"\xff\x7f"
+        + b"\xff" * 12
+        + b"\x40"
+        + b"\xff" * 3 * 64
+        + b"\x40"
+        + b"\xff\x7f" * 64
     )
     assert golden("calibration", "smallest values, no items") == struct.pack(
         "<HBBIfff", 0, 0, 0, 0, *(3 * [-3.4028234663852886e38])

@@ -9,6 +9,7 @@ from ribbonhost.wire import (
     WIRE_VERSION,
     ClockSource,
     CommandCode,
+    Misfit,
     Mode,
     Part,
     ResetCause,
@@ -26,6 +27,7 @@ GROUP = Group("status")
 INTERVAL_TOLERANCE_S = 0.1
 QUIET_S = 2.3
 TEMPERATURE_RANGE_C = (-55.0, 150.0)
+ALL_MISFITS = Misfit.LENGTH | Misfit.NEIGHBOURS | Misfit.DIP
 # Counters that never go back but by wrapping.
 COUNTERS = (
     "uptime_s",
@@ -184,3 +186,21 @@ def temperature_is_possible(device: Device) -> None:
         f"{status.temperature_c:g} degC",
         frame,
     )
+
+
+@GROUP.check("STATUS")
+def health_is_of_all_slots_or_none(device: Device) -> None:
+    """STATUS has the health of every slot, or of none, and no bits of misfit that are not defined."""
+    frame, status = device.get_status()
+    slots = len(status.slots)
+    expect(len(status.health) in (0, slots), f"the health of 0 or {slots} slots", len(status.health), frame)
+    unknown = [int(misfit) for misfit in status.health.misfit if int(misfit) & ~int(ALL_MISFITS)]
+    expect(not unknown, "bits of misfit that are defined", unknown, frame)
+
+
+@GROUP.check("STATUS")
+def slots_without_readings_are_not_judged(device: Device) -> None:
+    """A slot whose reason is not ok has no misfit."""
+    frame, status = device.get_status()
+    for slot, (reason, misfit) in enumerate(zip(status.slots.reason, status.health.misfit, strict=False)):
+        expect(reason == SlotReason.OK or misfit == 0, f"no misfit in slot {slot}", int(misfit), frame)
