@@ -33,6 +33,7 @@ HOST_MAY_IMPORT = {
         "comb",
         "record",
         "reconstruct",
+        "motion",
     },
     "ribbonhost.cli": {
         "errors",

@@ -40,7 +40,7 @@ def test_ribbons_and_what_they_are_are_listed(run: Run, urls: list[str]) -> None
     code, out, err = run("devices", *urls)
     assert (code, err) == (0, "")
     first = out.splitlines()[1].split()
-    assert first[:6] == ["21d7" + "0" * 20, urls[0], "host", "0.1.0", "1", "8"]
+    assert first[:6] == ["21d7" + "0" * 20, urls[0], "host", "0.1.0", str(wire.WIRE_VERSION), "8"]
     assert "4 lis2dw12, 4 mmc5983ma" in out
     assert "100 of 200 Hz" in out
     assert "\x1b" not in out

@@ -116,7 +116,7 @@ def test_a_defect_is_admitted_without_a_traceback(run: Run, monkeypatch: pytest.
 
 
 def test_json_lines_end_with_the_summary(run: Run, urls: list[str], comb_file: Path) -> None:
-    code, out, err = run("stream", *urls, "--comb", comb_file, "--seconds", 1.2, "--json")
+    code, out, err = run("stream", *urls, "--comb", comb_file, "--seconds", 1.2, "--json", "--motion", "off")
     assert (code, err) == (0, "")
     *reports, last = [json.loads(line) for line in out.splitlines()]
     assert [set(report) for report in reports] == [{"report"}] * len(reports)
@@ -133,6 +133,7 @@ def test_json_lines_end_with_the_summary(run: Run, urls: list[str], comb_file: P
         "invalid_nodes",
         "surfaces",
         "latency_ms",
+        "age_ms",
         "cpu_percent",
         "error_percent",
     ]
@@ -239,7 +240,7 @@ def test_a_reader_that_never_was_is_no_traceback(urls: list[str]) -> None:
 def test_a_live_table_is_drawn_on_a_terminal(urls: list[str], comb_file: Path) -> None:
     master, slave = os.openpty()
     process = subprocess.Popen(
-        [*COMMAND, "stream", *urls, "--comb", str(comb_file), "--seconds", "1.2"],
+        [*COMMAND, "stream", *urls, "--comb", str(comb_file), "--seconds", "1.2", "--motion", "off"],
         stdout=slave,
         stderr=slave,
         env=os.environ | {"TERM": "xterm", "COLUMNS": "120"},

@@ -1,19 +1,25 @@
 """An emulated comb that is streamed and recorded in virtual time: the same each time, and quick."""
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from ribbonhil.ribbon import EmulatedRibbon
+from ribbonhil.scenes import load_scene
+from ribbonhil.truth import Field, comb_truth
 from ribbonhost import wire
 from ribbonhost.comb import Comb, CombRibbon
 from ribbonhost.device import Device
+from ribbonhost.device.device import _Pending
 from ribbonhost.errors import LinkLostError
 from ribbonhost.framing import encode_frame
 from ribbonhost.link import Link
 from ribbonhost.pipeline.arrangement import arrange_comb
+from ribbonhost.pipeline.estimating import source_of
 from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.solving import Solved
 from ribbonhost.reconstruct.comb import Method
@@ -63,8 +69,13 @@ def stream_virtually(
     method: Method = "spline",
     period_s: float | None = None,
     spoil_at_s: float | None = None,
+    motion: MotionMode = "off",
+    truth: bool = False,
 ) -> list[Solved]:
-    """Records the wing to `path` and returns what was reconstructed. True time 0 is START_S."""
+    """Records the wing to `path` and returns what was reconstructed. True time 0 is START_S.
+
+    motion: how it is reconstructed; unless off, RAW comes beside ORIENT. truth: the frames hold it.
+    """
     clock = SimpleNamespace(t_s=START_S)
     monkeypatch.setattr("ribbonhost.device.device.time", SimpleNamespace(monotonic=lambda: clock.t_s))
     recorder = Recorder(path)
@@ -87,6 +98,7 @@ def stream_virtually(
     pass_time(0.02)
     for code, argument in (
         (wire.CommandCode.GET_INFO, 0),
+        (wire.CommandCode.SET_MODE, 0),
         (wire.CommandCode.SET_RATE, RATE_HZ),
         (wire.CommandCode.GET_STATUS, 0),
     ):
@@ -105,13 +117,25 @@ def stream_virtually(
     )
     arrangement = arrange_comb(devices, comb)
     solved: list[Solved] = []
-    reconstruction = Reconstruction(arrangement, rate_hz=RATE_HZ, method=method, on_solved=[solved.append])
+    true = comb_truth(load_scene("wing", period_s), ribbons, Field())
+    reconstruction = Reconstruction(
+        arrangement,
+        rate_hz=RATE_HZ,
+        method=method,
+        truth=(lambda t_host_s: true.node_from_anchor_m(t_host_s - START_S)) if truth else None,
+        on_solved=[solved.append],
+        source_of=source_of(
+            motion, arrangement, rate_hz=RATE_HZ, calibrations={}, on_event=lambda label, what: None
+        ),
+    )
     for index, device in enumerate(devices):
         device.on_scan = lambda scan, index=index: reconstruction.take(index, scan)
     channels = {device: tap.channel for device, tap in zip(devices, taps, strict=True)}
-    recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=RATE_HZ, method=method))
+    recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=RATE_HZ, method=method, motion=motion))
     for device in devices:
-        device._send_command(9, wire.CommandCode.SET_MODE, int(wire.Mode.ORIENT), b"")
+        mode = wire.Mode.ORIENT if motion == "off" else wire.Mode.ORIENT | wire.Mode.RAW
+        device._pending[9] = _Pending(threading.Event(), wire.CommandCode.SET_MODE)
+        device._send_command(9, wire.CommandCode.SET_MODE, int(mode), b"")
     pass_time(0.5)
     solved.clear()
     recorder.keep(-1, "recording", 1, clock.t_s, b"the stream counts from here")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.collect import collect, progress_bar
-from ribbonhost.cli.replay import checked_method, open_recordings
+from ribbonhost.cli.replay import checked_method, checked_motion, open_recordings
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.export import FORMATS, Options, export
 
@@ -23,6 +23,7 @@ class ExportOptions:
     up: str
     scale: float
     method: str | None
+    motion: str | None
     force: bool
 
 
@@ -39,13 +40,14 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
         raise UsageError(f"{output} cannot be written: there is no folder {output.parent}")
     if options.start_s is not None and options.end_s is not None and options.end_s < options.start_s:
         raise UsageError(f"--to {options.end_s:g} is before --from {options.start_s:g}")
-    method = checked_method(options.method)
+    method, motion = checked_method(options.method), checked_motion(options.motion)
     recordings = open_recordings(paths)
     with progress_bar("reconstruct") as progress:
         animation, replay = collect(
             recordings,
             progress,
             method=method,
+            motion=motion,
             start_s=options.start_s,
             end_s=options.end_s,
             rate_hz=options.rate_hz,
@@ -70,6 +72,7 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
         "t_start_s": round(float(animation.t_s[0]), 6),
         "t_end_s": round(float(animation.t_s[-1]), 6),
         "method": replay.method,
+        "motion": replay.motion,
         "invalid_nodes": int((~animation.valid).sum()),
         "damaged": replay.damaged,
         "bytes": sum(path.stat().st_size for path in written),
@@ -80,7 +83,7 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
     name = str(written[0]) if len(written) == 1 else f"{written[0]} to {written[-1].name}"
     print(
         f"{name}: {frames} frames of {ribbons} ribbons with {nodes} nodes each, "
-        f"{animation.t_s[0]:.2f} to {animation.t_s[-1]:.2f} s, method {replay.method}"
+        f"{animation.t_s[0]:.2f} to {animation.t_s[-1]:.2f} s, method {replay.method}, motion {replay.motion}"
     )
     if replay.damaged:
         print(f"{replay.damaged} damaged pieces of the recording were left out")

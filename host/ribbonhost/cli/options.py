@@ -60,6 +60,13 @@ class StreamOptions:
         float | None, typer.Option(min=0.1, help="Stop after so long.  [default: at Ctrl-C]")
     ] = None
     method: Annotated[str, typer.Option(help="Of curves: spline, or hermite, the paper's.")] = "spline"
+    motion: Annotated[
+        str,
+        typer.Option(
+            metavar="off|live",
+            help="live: estimate the ribbons' motion from their readings; off: take these for a level.",
+        ),
+    ] = "live"
     baud: BaudOption = 921_600
     reconnect: Annotated[
         bool, typer.Option(help="Look for ribbons whose ports vanish, and go on when they are back.")

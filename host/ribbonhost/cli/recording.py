@@ -17,6 +17,14 @@ FilesArgument = Annotated[
 MethodOption = Annotated[
     str | None, typer.Option(help="Of curves: spline or hermite.  [default: that of the stream]")
 ]
+MotionOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="off|live|offline",
+        help="Estimate motion from the readings up to each scan, or, offline, from all; off: take readings "
+        "for a level.  [default: as in the stream]",
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -63,6 +71,7 @@ def replay(
     speed: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as possible.")] = 1.0,
     start: Annotated[float, typer.Option("--from", min=0.0, help="Begin at this second.")] = 0.0,
     method: MethodOption = None,
+    motion: MotionOption = None,
     out: options.OutOption = None,
     view: options.ViewOption = False,
     view_port: options.ViewPortOption = None,
@@ -71,7 +80,19 @@ def replay(
     """Play a recording through the same code as the stream; unchanged, it gives the same frames."""
     from ribbonhost.cli.replay import ReplayOptions, run_replay
 
-    run_replay(files, ReplayOptions(speed, start, method, tuple(out or ()), view, view_port, json))
+    run_replay(
+        files,
+        ReplayOptions(
+            speed=speed,
+            from_s=start,
+            method=method,
+            motion=motion,
+            out=tuple(out or ()),
+            view=view,
+            view_port=view_port,
+            json=json,
+        ),
+    )
 
 
 def export(
@@ -93,13 +114,14 @@ def export(
     up: Annotated[str, typer.Option(help="Axis that is up in the file: z or y.")] = "z",
     scale: Annotated[float, typer.Option(help="Units of the file a metre: 100 for centimetres.")] = 1.0,
     method: MethodOption = None,
+    motion: MotionOption = None,
     force: options.ForceOption = False,
     json: options.JsonOption = False,
 ) -> None:
     """Write a recording as a file that other tools open; the ending says which."""
     from ribbonhost.cli.export import ExportOptions, run_export
 
-    run_export(files, output, ExportOptions(start, end, rate, up, scale, method, force), json)
+    run_export(files, output, ExportOptions(start, end, rate, up, scale, method, motion, force), json)
 
 
 def validate(
@@ -118,10 +140,13 @@ def validate(
         float, typer.Option(min=0.001, help="The offset is searched up to so many seconds.")
     ] = 5.0,
     method: MethodOption = None,
+    motion: MotionOption = None,
     force: options.ForceOption = False,
     json: options.JsonOption = False,
 ) -> None:
     """Compare a recording with an optical system: time offset, alignment, E over time, error of each node."""
     from ribbonhost.cli.validate import ValidateOptions, run_validate
 
-    run_validate(files, ValidateOptions(truth, report, start, end, offset, max_offset, method, force), json)
+    run_validate(
+        files, ValidateOptions(truth, report, start, end, offset, max_offset, method, motion, force), json
+    )

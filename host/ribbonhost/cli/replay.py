@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ribbonhost.cli.collect import progress_bar
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
 from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.recover import offer_recovery
@@ -13,6 +14,7 @@ from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
 from ribbonhost.errors import UsageError
 from ribbonhost.out import Facts
+from ribbonhost.pipeline.poses import MODES, MotionMode, is_mode
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import OnSolved, Solved
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
@@ -35,6 +37,13 @@ def checked_method(method: str | None) -> Method | None:
     return method
 
 
+def checked_motion(motion: str | None) -> MotionMode | None:
+    """Raises UsageError for a way of estimating motion that there is not."""
+    if motion is not None and not is_mode(motion):
+        raise UsageError(f"--motion {motion} is not one of {', '.join(MODES)}")
+    return motion
+
+
 @dataclass(frozen=True)
 class ReplayOptions:
     """What was typed. speed: times real time, 0: as fast as possible."""
@@ -42,6 +51,7 @@ class ReplayOptions:
     speed: float
     from_s: float
     method: str | None
+    motion: str | None
     out: tuple[str, ...]
     view: bool
     view_port: int | None
@@ -70,7 +80,16 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
             for feed in feeds:
                 feed(solved)
 
-    replay = Replay(recordings, method=chosen, on_event=output.event, on_solved=[on_solved])
+    with progress_bar("estimate") as progress:
+        replay = Replay(
+            recordings,
+            method=chosen,
+            motion=checked_motion(options.motion),
+            on_event=output.event,
+            on_progress=progress,
+            on_solved=[on_solved],
+        )
+        replay.prepare()
     header = recordings[0].header
     facts = Facts.of(replay.arrangement, rate_hz=header.rate_hz, unix_offset_s=header.wall_offset_ns / 1e9)
     with stop_on_signals() as stop, feeding(options.out, facts, output, output.event) as outs, output:
@@ -96,7 +115,13 @@ def _view(paths: Sequence[Path], options: ReplayOptions, method: Method | None, 
             view.keep(solved, t_s)
 
     recordings = open_recordings(paths)
-    replay = Replay(recordings, method=method, on_event=output.event, on_solved=[on_solved])
+    replay = Replay(
+        recordings,
+        method=method,
+        motion=checked_motion(options.motion),
+        on_event=output.event,
+        on_solved=[on_solved],
+    )
     page = replay_page(
         replay.arrangement,
         recordings[0].header,

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from ribbonhost import wire
 from ribbonhost.cli import forget_stdout
 from ribbonhost.cli.emulation import Emulation, emulate
 from ribbonhost.cli.naming import resolve
@@ -21,11 +22,14 @@ from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.viewing import TapeRecording, stream_page
 from ribbonhost.comb import Comb, load_comb
 from ribbonhost.device import Device, open_device
+from ribbonhost.device.calibration import read_calibration
 from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
 from ribbonhost.link import ports_seen
 from ribbonhost.out import Facts
 from ribbonhost.pipeline.arrangement import arrange_comb, arrange_curves
 from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.poses import MotionMode, is_mode
+from ribbonhost.pipeline.raw_link import why_not
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.pipeline.stream import Stream
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
@@ -43,15 +47,17 @@ def run_stream(options: StreamOptions) -> None:
 
     Raises RibbonError if it cannot begin or ended because nothing more can come.
     """
-    comb, method = _checked(options)
+    comb, method, motion = _checked(options)
     output: Output = JsonOutput() if options.json or LINES in (options.out or ()) else TableOutput()
     try:
-        _stream(options, comb, method, output)
+        _stream(options, comb, method, motion, output)
     except BrokenPipeError:
         forget_stdout()
 
 
-def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: Output) -> None:
+def _stream(
+    options: StreamOptions, comb: Comb | None, method: Method, motion: MotionMode, output: Output
+) -> None:
     with ExitStack() as stack:
         stop = stack.enter_context(stop_on_signals())
         emulation: Emulation | None = None
@@ -86,7 +92,9 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
         rate_hz = _rate(options.rate_hz, arrangement.devices, output)
         facts = Facts.of(arrangement, rate_hz=rate_hz, unix_offset_s=time.time() - time.monotonic())
         outs = stack.enter_context(feeding(options.out or (), facts, output, on_event))
-        header = partial(header_of, arrangement, channels, comb=comb, rate_hz=rate_hz, method=method)
+        header = partial(
+            header_of, arrangement, channels, comb=comb, rate_hz=rate_hz, method=method, motion=motion
+        )
         consumers: list[OnSolved] = [*outs.feeds]
         show: list[OnReport] = [output.report, lambda report: outs.watch()]
         if options.view:
@@ -104,6 +112,8 @@ def _stream(options: StreamOptions, comb: Comb | None, method: Method, output: O
             on_event=on_event,
             on_solved=consumers,
             reconnect=options.reconnect,
+            motion=motion,
+            calibrations=_calibrations(arrangement.devices, motion, rate_hz, output),
         )
         if recorder:
             recorder.start(header())
@@ -148,13 +158,19 @@ def _run(
         raise RibbonError(over)
 
 
-def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
-    """The comb that the file describes and the method, after checking that the options go together."""
+def _checked(options: StreamOptions) -> tuple[Comb | None, Method, MotionMode]:
+    """The comb that the file describes, and how to reconstruct; the options are checked to go together."""
     if options.seconds is not None and not math.isfinite(options.seconds):
         raise UsageError(f"--seconds {options.seconds} is no duration")
     method = options.method
     if not is_method(method):
         raise UsageError(f"--method {method} is not one of {', '.join(METHODS)}")
+    motion = options.motion
+    if not is_mode(motion) or motion == "offline":
+        raise UsageError(
+            f"--motion {motion} is not off or live"
+            + (": offline looks ahead, and is for replay, export and validate" if motion == "offline" else "")
+        )
     for_recording = options.force or options.rotate_mib is not None or options.rotate_s is not None
     if options.record is None and for_recording:
         raise UsageError("--force, --rotate-mib and --rotate-s are for a recording: give --record FILE.mcap")
@@ -163,7 +179,7 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
     if options.emulate is not None:
         if options.urls or options.comb:
             raise UsageError("--emulate brings its own ribbons and comb: give it without ports and --comb")
-        return None, method
+        return None, method, motion
     for name, value in (("--ribbons", options.ribbons), ("--seed", options.seed)):
         if value is not None:
             raise UsageError(f"{name} is for --emulate only")
@@ -178,7 +194,7 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method]:
     for url in options.urls:
         if options.urls.count(url) > 1:
             raise UsageError(f"{url} is given twice")
-    return load_comb(options.comb) if options.comb else None, method
+    return load_comb(options.comb) if options.comb else None, method, motion
 
 
 def _recorder(options: StreamOptions, path: Path, on_event: Callable[[str, str], None]) -> Recorder:
@@ -228,6 +244,27 @@ def _open(
                 "what this ribbonhost does not know is skipped and counted"
             )
     return devices, channels
+
+
+def _calibrations(
+    devices: Sequence[Device], motion: MotionMode, rate_hz: int, output: Output
+) -> dict[str, wire.Calibration]:
+    """The calibration records, by serial number, of all devices whose motion can be estimated.
+
+    One that cannot be read is noted.
+    """
+    records: dict[str, wire.Calibration] = {}
+    devices = [device for device in devices if motion != "off" and not why_not(device, rate_hz)]
+    if not devices:
+        return records
+    with ThreadPoolExecutor(len(devices)) as pool:
+        attempts = {device: pool.submit(read_calibration, device) for device in devices}
+    for device, attempt in attempts.items():
+        try:
+            records[device.serial] = attempt.result().values
+        except (DeviceError, LinkError, wire.WireError) as error:
+            output.note(f"{error}: its motion is estimated as if it were not calibrated")
+    return records
 
 
 def _rate(wanted_hz: int | None, devices: Sequence[Device], output: Output) -> int:

@@ -8,7 +8,15 @@ from rich.text import Text
 
 from ribbonhost.pipeline.report import Report, RibbonReport
 
-HEADINGS = ("frames/s", "lost", "CRC\nerrors", "invalid\nnodes", "other", "latency ms\np50    p99", "E %")
+HEADINGS = (
+    "frames/s",
+    "lost",
+    "CRC\nerrors",
+    "invalid\nnodes",
+    "other",
+    "latency ms\np50    p99",
+    "E %",
+)
 STATES = {
     "streaming": Text("live", "green"),
     "silent": Text("silent", "yellow"),
@@ -22,6 +30,7 @@ RARE = (
     "clock_jumps",
     "repeated",
     "untimed",
+    "raw_lost",
     "unexpected",
 )
 """Counters that are summed in one column; --json has each."""
@@ -79,7 +88,8 @@ def summary_of(report: Report) -> str:
         f"{summary['ribbons']} ribbons in {report.t_s:.1f} s: {summary['frames']} frames, "
         f"{summary['lost']} lost, {summary['crc_errors']} CRC errors, "
         f"{summary['invalid_nodes']} invalid nodes; {made}, "
-        f"latency p50 {_ms(comb.latency_p50_s)} ms, p99 {_ms(comb.latency_p99_s)} ms; "
+        f"latency p50 {_ms(comb.latency_p50_s)} ms, p99 {_ms(comb.latency_p99_s)} ms, "
+        f"age p50 {_ms(comb.age_p50_s)} ms; "
         f"{comb.cpu_percent:.0f} % of a core"
     )
     if not math.isnan(comb.error_mean_percent):
@@ -98,12 +108,14 @@ def summary_of(report: Report) -> str:
 def _state(ribbon: RibbonReport) -> Text:
     if ribbon.state == "gone":
         return Text(f"gone {ribbon.gone_s:.0f} s", "red")
+    if ribbon.level_per_s > 0.5 * ribbon.frames_per_s:
+        return Text("level", "yellow")  # its motion is to be estimated, and is not
     return STATES[ribbon.state]
 
 
 def _rare(ribbon: RibbonReport) -> int:
     counts: list[int] = [getattr(ribbon.counters, name) for name in RARE]
-    return sum(counts)
+    return sum(counts) + (ribbon.motion.level if ribbon.motion else 0)
 
 
 def _alert(count: int) -> Text:

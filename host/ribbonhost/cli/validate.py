@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.collect import collect, progress_bar
-from ribbonhost.cli.replay import checked_method, open_recordings
+from ribbonhost.cli.replay import checked_method, checked_motion, open_recordings
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.validate.comparison import Comparison, compare
 from ribbonhost.validate.report import facts_of, write_report
@@ -25,6 +25,7 @@ class ValidateOptions:
     offset_s: float | None
     max_offset_s: float
     method: str | None
+    motion: str | None
     force: bool
 
 
@@ -36,13 +37,14 @@ def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool)
             raise UsageError(f"--report {report}: the ending must be .html")
         if report.exists() and not options.force:
             raise UsageError(f"{report} is there already: give another name, or --force to replace it")
-    method = checked_method(options.method)
+    method, motion = checked_method(options.method), checked_motion(options.motion)
     recordings = open_recordings(paths)
     with progress_bar("reconstruct") as progress:
         animation, replay = collect(
             recordings,
             progress,
             method=method,
+            motion=motion,
             start_s=options.start_s,
             end_s=options.end_s,
             with_surface=False,

@@ -20,6 +20,7 @@ class Counters:
         clock_jumps: ORIENT frames and answered pings whose device time cannot be. Not used.
         repeated: ORIENT frames with the sequence of the one before. Not used.
         untimed: ORIENT frames that came while the device's clock was not known. Not used.
+        raw_lost: scans that are used without their RAW, which was to come beside ORIENT.
         unexpected: answers to no question: an ACK or CLOCK_PONG with an unknown tag.
     """
 
@@ -35,6 +36,7 @@ class Counters:
     clock_jumps: int = 0
     repeated: int = 0
     untimed: int = 0
+    raw_lost: int = 0
     unexpected: int = 0
 
     def __sub__(self, earlier: "Counters") -> "Counters":

@@ -12,6 +12,7 @@ from ribbonhost.clock import DeviceClock, extend_us
 from ribbonhost.device.absences import Absences
 from ribbonhost.device.counters import Counters, Counts
 from ribbonhost.device.observer import Observer
+from ribbonhost.device.pairing import Pairing
 from ribbonhost.device.scans import Scan, ScanReader
 from ribbonhost.errors import (
     CommandRefusedError,
@@ -74,6 +75,7 @@ class Device:
         self._deframer = Deframer()
         self._counts = Counts()
         self._scans = ScanReader(self.clock, self._counts)
+        self._pairing = Pairing(self._counts)
         self._packets = 0
         self._refusal: DeviceError | None = None
         self._info_came = threading.Event()
@@ -153,6 +155,7 @@ class Device:
         """There is a new link; returns for how long there was none."""
         self.clock.restart()
         self._scans.restart()
+        self._pairing.restart()
         with self._lock:
             self._pings.clear()
         self._infos_due = 0
@@ -307,8 +310,8 @@ class Device:
             case wire.Orient() | wire.OrientCompact():
                 if self.info:
                     scan = self._scans.read(message, self.info.node_count, t_host_s)
-                    if scan and self.on_scan:
-                        self.on_scan(scan)
+                    if scan:
+                        self._hand_on(self._pairing.take(scan))
             case wire.Ack():
                 self._on_ack(message)
             case wire.ClockPong():
@@ -319,9 +322,20 @@ class Device:
                 self.status = message
                 self.clock.sigma_drift = SIGMA_DRIFT.get(message.clock_source, self.clock.sigma_drift)
             case wire.Raw():
-                pass
+                if self.info:
+                    self._hand_on(self._pairing.take_raw(message, self.info.node_count, t_host_s))
             case _:
                 self._counts.add("unknown_packets")
+
+    def _hand_on(self, scans: list[Scan]) -> None:
+        if self.on_scan:
+            for scan in scans:
+                self.on_scan(scan)
+
+    def _expect(self, mode: int) -> None:
+        """What the device sends after each scan."""
+        orient = mode & (wire.Mode.ORIENT | wire.Mode.ORIENT_COMPACT)
+        self._pairing.expect(bool(mode & wire.Mode.RAW and orient))
 
     def _on_info(self, info: wire.Info) -> None:
         self._check_version(info.wire_version, info.oldest_host_version)
@@ -336,7 +350,9 @@ class Device:
             self.restarts += 1
             self.clock.restart()
             self._scans.restart()
+            self._pairing.restart()
         self.info = info
+        self._expect(info.mode)
         self._scans.rate_hz = float(info.rate_hz)
         self._info_came.set()
 
@@ -357,6 +373,8 @@ class Device:
             return
         if ack.command == wire.CommandCode.SET_RATE and ack.code == wire.AckCode.OK:
             self._scans.rate_hz = float(ack.value)
+        if ack.command == wire.CommandCode.SET_MODE and ack.code == wire.AckCode.OK:
+            self._expect(ack.value)
         pending.ack = ack
         pending.done.set()
 

@@ -18,16 +18,17 @@ BEHIND_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """All orientations of one scan.
+    """All orientations of one scan, and its readings where the device sends them.
 
     Attributes:
         sequence: as on the wire.
         t_device_us: device time of the end of the scan, 64-bit extension.
         t_host_s: the same on the host's clock, by the estimate of the moment.
-        t_arrival_s: when the host had read its last byte.
+        t_arrival_s: when the host had read its last byte, that of RAW where it came.
         q_world_node: (n, 4) unit; of invalid nodes without meaning.
         valid: (n,) bool.
         quality: (n,) uint8 as on the wire.
+        raw: the readings; None if they did not come.
     """
 
     sequence: int
@@ -37,6 +38,7 @@ class Scan:
     q_world_node: NDArray[np.float64]
     valid: NDArray[np.bool_]
     quality: NDArray[np.uint8]
+    raw: wire.Raw | None = None
 
 
 class ScanReader:

@@ -15,6 +15,10 @@ Bool = NDArray[np.bool_]
 
 GRAVITY_MPS2 = 9.80665
 
+NODE_MIN: int = lib.RIBBON_MOTION_NODE_MIN
+NODE_MAX: int = lib.RIBBON_MOTION_NODE_MAX
+"""Orientations of a ribbon that can be estimated."""
+
 
 class Status(IntEnum):
     """How much there is to an estimate."""

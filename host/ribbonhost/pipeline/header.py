@@ -8,6 +8,7 @@ from ribbonhost import wire
 from ribbonhost.comb import Comb
 from ribbonhost.device import Device
 from ribbonhost.pipeline.arrangement import Arrangement
+from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.reconstruct.comb import Method
 from ribbonhost.record import Header, RecordedRibbon
 
@@ -19,6 +20,7 @@ def header_of(
     comb: Comb | None,
     rate_hz: int,
     method: Method,
+    motion: MotionMode = "off",
 ) -> Header:
     """The header of a recording of these ribbons. channels: the number of each device in it."""
     ribbons = []
@@ -44,6 +46,7 @@ def header_of(
         comb=comb.to_toml() if comb else "",
         rate_hz=rate_hz,
         method=method,
+        motion=motion,
         wall_offset_ns=time.time_ns() - time.monotonic_ns(),
         host_version=version("ribbonhost"),
         wire_version=wire.WIRE_VERSION,

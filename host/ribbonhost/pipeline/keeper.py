@@ -1,5 +1,6 @@
 """Keeps the devices of a stream in order: set up, clocks known, scans aligned, set up again after a reset."""
 
+import contextlib
 import random
 import threading
 import time
@@ -9,6 +10,7 @@ from ribbonhost import wire
 from ribbonhost.device import Device
 from ribbonhost.errors import DeviceError, LinkError, LinkLostError
 from ribbonhost.pipeline.phase import DRIFTED_S, ScanAligner
+from ribbonhost.pipeline.raw_link import DropWatch, why_not
 
 SYNC_PINGS = 20
 SYNC_S = 2.0
@@ -28,9 +30,15 @@ class Keeper:
     """
 
     def __init__(
-        self, devices: Sequence[Device], rate_hz: int, on_event: Callable[[Device, str], None]
+        self,
+        devices: Sequence[Device],
+        rate_hz: int,
+        on_event: Callable[[Device, str], None],
+        *,
+        raw: bool = False,
     ) -> None:
-        """`on_event` is told, in any thread, what happened to which device."""
+        """`on_event` is told, in any thread, what happened to which device. raw: let those that can send RAW
+        beside ORIENT."""
         self.aligner = ScanAligner(rate_hz)
         self._tell = on_event
         self._devices = list(devices)
@@ -39,6 +47,7 @@ class Keeper:
         self._again_due_s = dict.fromkeys(devices, 0.0)
         self._ping_due_s = dict.fromkeys(devices, 0.0)
         self._mute: set[Device] = set()
+        self._drops = {device: DropWatch() for device in devices} if raw else {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
 
@@ -65,6 +74,10 @@ class Keeper:
             for_all(lambda device: None if device.clock.synced else device.ping())
             time.sleep(FAST_PING_S)
         for_all(_require_sync)
+        for device in list(self._drops):
+            if device not in failed and (why := why_not(device, self._rate_hz)):
+                del self._drops[device]
+                self._tell(device, why)
         self._devices = [device for device in self._devices if device not in failed]
         self._restarts = {device: device.clock.restarts for device in self._devices}
         self._align()
@@ -75,7 +88,7 @@ class Keeper:
         failed: dict[Device, DeviceError | LinkError] = {}
         for device in self._devices:
             try:
-                device.command(wire.CommandCode.SET_MODE, wire.Mode.ORIENT)
+                device.command(wire.CommandCode.SET_MODE, self._mode(device))
             except (DeviceError, LinkError) as error:
                 failed[device] = error
         self._devices = [device for device in self._devices if device not in failed]
@@ -106,6 +119,8 @@ class Keeper:
                 restarted = device.clock.synced and device.clock.restarts != self._restarts[device]
                 if restarted and now_s >= self._again_due_s[device]:
                     self._set_up_again(device)
+                elif device in self._drops and self._drops[device].is_too_slow(device.status):
+                    self._spare(device)
             if now_s >= align_due_s:
                 align_due_s = now_s + ALIGN_S
                 if self.aligner.spread_s(self._devices, now_s) > DRIFTED_S:
@@ -129,7 +144,7 @@ class Keeper:
         self.aligner.free_running.pop(device, None)
         try:
             device.command(wire.CommandCode.SET_RATE, self._rate_hz)
-            device.command(wire.CommandCode.SET_MODE, wire.Mode.ORIENT)
+            device.command(wire.CommandCode.SET_MODE, self._mode(device))
         except LinkLostError:
             pass  # which is told already
         except (DeviceError, LinkError) as error:
@@ -138,6 +153,20 @@ class Keeper:
         else:
             self._restarts[device] = restarts
             self._tell(device, "its clock started anew, and it is set up again")
+
+    def _mode(self, device: Device) -> int:
+        return int(wire.Mode.ORIENT | wire.Mode.RAW if device in self._drops else wire.Mode.ORIENT)
+
+    def _spare(self, device: Device) -> None:
+        """Asks for less than its link cannot carry."""
+        del self._drops[device]
+        with contextlib.suppress(DeviceError, LinkError):  # it is gone, or will be set up again
+            device.command(wire.CommandCode.SET_MODE, self._mode(device))
+        self._tell(
+            device,
+            f"its link does not carry RAW beside ORIENT at {self._rate_hz} Hz: "
+            "its motion is not estimated any more (a faster link, or a lower --rate)",
+        )
 
     def _align(self) -> None:
         before = set(self.aligner.free_running)

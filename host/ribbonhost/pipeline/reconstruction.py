@@ -3,10 +3,12 @@
 import math
 import time
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 
 from ribbonhost.device import Counters, Device, Scan
 from ribbonhost.pipeline.arrangement import Arrangement, Place
 from ribbonhost.pipeline.matching import SILENT_S
+from ribbonhost.pipeline.poses import MotionCounts, SourceOf, device_poses
 from ribbonhost.pipeline.report import CombReport, Report, RibbonReport
 from ribbonhost.pipeline.solving import CombTask, CurveTask, OnSolved, Truth
 from ribbonhost.pipeline.tally import Tally
@@ -29,10 +31,11 @@ class Reconstruction:
         truth: Truth | None = None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
         on_solved: Iterable[OnSolved] = (),
+        source_of: SourceOf = device_poses,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """`on_event` is told what happened to which ribbon, each of `on_solved` each frame;
-        `now_s`: what durations are measured with."""
+        `source_of`: where poses come from; `now_s`: what durations are measured with."""
         self._places = arrangement.places
         self._rate_hz = rate_hz
         self._on_event = on_event
@@ -40,12 +43,17 @@ class Reconstruction:
         self._now_s = now_s
         self._tasks: list[CombTask | CurveTask]
         if arrangement.layout:
-            self._tasks = [CombTask(arrangement.layout, rate_hz, method, truth)]
+            everyone = range(len(self._places))
+            sources = [source_of(everyone)]
+            self._tasks = [CombTask(arrangement.layout, rate_hz, method, truth, sources[0])]
         else:
+            sources = [source_of([i]) for i in range(len(self._places))]
             self._tasks = [
-                CurveTask(i, place.pitch_m, place.node_count, rate_hz, method)
+                CurveTask(i, place.pitch_m, place.node_count, rate_hz, method, sources[i])
                 for i, place in enumerate(self._places)
             ]
+        self._motion = [counts for source in sources for counts in source.counts]
+        self._motion_before = [replace(counts) for counts in self._motion]
         self._where = {place: (task, i) for task in self._tasks for i, place in enumerate(task.places)}
         self._silent: set[int] = set()
         self._before: dict[Device, Counters] = {}
@@ -63,6 +71,7 @@ class Reconstruction:
         """Reports tell what happens from now on. `dropped`: scans that were dropped so far."""
         self._before = {place.device: place.device.counters() for place in self._places if place.device}
         self._held_before = self._held()
+        self._motion_before = [replace(counts) for counts in self._motion]
         self._dropped_before = dropped
         self._tally = Tally(len(self._places), self._now_s)
         self._last = None
@@ -111,7 +120,12 @@ class Reconstruction:
             aligned = place.device is not None and is_aligned(place.device)
             ribbons.append(
                 self._ribbon_report(
-                    index, (counters.frames - before) / interval_s, counters, place.device in failed, aligned
+                    index,
+                    interval_s,
+                    (counters.frames - before) / interval_s,
+                    counters,
+                    place.device in failed,
+                    aligned,
                 )
             )
         mean, smallest, largest = tally.error_percent
@@ -121,6 +135,7 @@ class Reconstruction:
             surfaces_per_s=(tally.surfaces - (last.comb.surfaces if last else 0)) / interval_s,
             latency_p50_s=tally.latency.quantile_s(0.5),
             latency_p99_s=tally.latency.quantile_s(0.99),
+            age_p50_s=tally.age.quantile_s(0.5),
             lambda_limited=tally.lambda_limited,
             unsolved=tally.unsolved,
             dropped=dropped - self._dropped_before,
@@ -143,8 +158,22 @@ class Reconstruction:
         """How often the newest scan of each ribbon was held since the devices were started."""
         return [int(held) for task in self._tasks for held in task.matcher.held]
 
+    def _level_per_s(self, index: int, interval_s: float) -> float:
+        moved, before = self._moved(index), self._last.ribbons[index].motion if self._last else None
+        return (moved.level - (before.level if before else 0)) / interval_s if moved else 0.0
+
+    def _moved(self, index: int) -> MotionCounts | None:
+        """What the estimator made of a ribbon's scans since the count began; None if there is none."""
+        return self._motion[index] - self._motion_before[index] if self._motion else None
+
     def _ribbon_report(
-        self, index: int, frames_per_s: float, counters: Counters, has_failed: bool, aligned: bool
+        self,
+        index: int,
+        interval_s: float,
+        frames_per_s: float,
+        counters: Counters,
+        has_failed: bool,
+        aligned: bool,
     ) -> RibbonReport:
         place = self._places[index]
         device = place.device
@@ -165,6 +194,8 @@ class Reconstruction:
             gone_s=device.absences.total_s(self._now_s()) if device else 0.0,
             frames_per_s=frames_per_s,
             counters=counters,
+            motion=self._moved(index),
+            level_per_s=self._level_per_s(index, interval_s),
             latency_p50_s=latency.quantile_s(0.5),
             latency_p99_s=latency.quantile_s(0.99),
             held=self._held()[index] - self._held_before[index],

@@ -1,13 +1,17 @@
 """Recordings through the code that reconstructs a stream: unchanged, they give the same frames to the bit."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 
 from ribbonhost.comb import parse_comb
-from ribbonhost.device import RecordedDevice
+from ribbonhost.device import RecordedDevice, Scan
 from ribbonhost.errors import CombFileError, RecordingError
 from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations, source_of
+from ribbonhost.pipeline.poses import MODES, MotionMode, SourceOf, is_mode
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
+from ribbonhost.pipeline.smoothing import Progress, SmoothedPoses
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.reconstruct import CombLayout
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
@@ -27,6 +31,7 @@ class Replay:
         t_s: where it is, seconds of the recording.
         t_zero_s: host time of second 0.
         method: of curves: that of the stream unless another was given.
+        motion: where orientations come from, likewise.
         damaged: what made no sense and was left out.
     """
 
@@ -35,11 +40,16 @@ class Replay:
         recordings: Sequence[Recording],
         *,
         method: Method | None = None,
+        motion: MotionMode | None = None,
+        calibrations: Calibrations = NO_CALIBRATIONS,
+        on_progress: Progress = lambda share: None,
         on_event: Callable[[str, str], None] = lambda label, what: None,
         on_solved: Iterable[OnSolved] = (),
     ) -> None:
         """`on_event` is told what happened in the stream, each of `on_solved` each frame.
 
+        motion: as in the stream unless given; offline: all of the recording is estimated before the first
+        frame, and `on_progress` told which share is. calibrations: by serial number.
         Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
         """
         header = recordings[0].header
@@ -47,6 +57,10 @@ class Replay:
         self.t_zero_s = recordings[0].t_zero_s
         self.t_s = 0.0
         self.method = method or _method(recordings[0])
+        self.motion: MotionMode = motion or _motion(recordings[0])
+        self._on_progress = on_progress
+        self._smoothed: list[SmoothedPoses] = []
+        self._prepared = False
         self._recordings = recordings
         self._on_event = on_event
         for recording in recordings[1:]:
@@ -64,6 +78,15 @@ class Replay:
             rate_hz=header.rate_hz,
             method=self.method,
             on_solved=on_solved,
+            source_of=self._smoothed_of(calibrations)
+            if self.motion == "offline"
+            else source_of(
+                self.motion,
+                self.arrangement,
+                rate_hz=header.rate_hz,
+                calibrations=calibrations,
+                on_event=on_event,
+            ),
             now_s=lambda: self.t_s + self.t_zero_s,
         )
         for index, place in enumerate(self.arrangement.places):
@@ -75,6 +98,7 @@ class Replay:
 
         Time before 0 is what the stream needed until all ribbons delivered.
         """
+        self.prepare()
         for number, recording in enumerate(self._recordings):
             for item in recording.items():
                 if number and item.number == 0:
@@ -88,6 +112,41 @@ class Replay:
                     self.damaged += 1
                 yield self.t_s
             self.damaged += recording.damaged
+
+    def _smoothed_of(self, calibrations: Calibrations) -> SourceOf:
+        def smoothed(places: Sequence[int]) -> SmoothedPoses:
+            made = SmoothedPoses(
+                self.arrangement,
+                places,
+                rate_hz=self._recordings[0].header.rate_hz,
+                calibrations=calibrations,
+                on_event=self._on_event,
+            )
+            self._smoothed.append(made)
+            return made
+
+        return smoothed
+
+    def prepare(self) -> None:
+        """Estimates the whole recording, if that is asked for and not done: `play` would begin with it."""
+        if not self._smoothed or self._prepared:
+            return
+        self._prepared = True
+        first = Replay(self._recordings, method=self.method, motion="off")
+        scans: list[list[Scan]] = [[] for _ in first.arrangement.places]
+        for place, into in zip(first.arrangement.places, scans, strict=True):
+            if place.device:
+                place.device.on_scan = into.append
+        for _ in first.play():
+            pass
+        for place, known in zip(self.arrangement.places, first.arrangement.places, strict=True):
+            if place.device and known.device:
+                place.device.info = known.device.info
+        for number, smoothed in enumerate(self._smoothed):
+            smoothed.smooth(scans, partial(self._tell_progress, number))
+
+    def _tell_progress(self, number: int, share: float) -> None:
+        self._on_progress((number + share) / len(self._smoothed))
 
     def start_counting(self) -> None:
         """Reports tell what happens from now on."""
@@ -145,7 +204,17 @@ def _method(recording: Recording) -> Method:
     method = recording.header.method
     if not is_method(method):
         raise RecordingError(
-            f'{recording.path} was reconstructed by the method "{method}", which this ribbonhost '
+            f"{recording.path} was reconstructed by the method {method!a}, which this ribbonhost "
             f"does not know: give one of {', '.join(METHODS)} with --method"
         )
     return method
+
+
+def _motion(recording: Recording) -> MotionMode:
+    motion = recording.header.motion
+    if not is_mode(motion):
+        raise RecordingError(
+            f"{recording.path} was reconstructed with --motion {motion!a}, which this ribbonhost does not "
+            f"know: give one of {', '.join(MODES)} with --motion"
+        )
+    return motion

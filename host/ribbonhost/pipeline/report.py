@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 
 from ribbonhost.device import Counters
+from ribbonhost.pipeline.poses import MotionCounts
 
 JsonObject = dict[str, object]
 
@@ -16,6 +17,8 @@ class RibbonReport:
         state: "streaming", "silent", "missing" (never there, or given up), or "gone" (its port vanished).
         times_gone, gone_s: how often and for how long its port was gone.
         frames_per_s: over the last interval.
+        motion: what became of its scans where motion is estimated; None where it is not.
+        level_per_s: of these, those without an estimate, over the last interval.
         latency_p50_s, latency_p99_s: from the end of a scan to the surface in memory.
         held: frames of the comb for which its newest scan came too late.
         drift_ppm: how much longer a second of its clock is than one of the host's.
@@ -33,6 +36,8 @@ class RibbonReport:
     gone_s: float
     frames_per_s: float
     counters: Counters
+    motion: MotionCounts | None
+    level_per_s: float
     latency_p50_s: float
     latency_p99_s: float
     held: int
@@ -54,6 +59,7 @@ class RibbonReport:
             "gone_s": round(self.gone_s, 3),
             "frames_per_s": round(self.frames_per_s, 2),
             **asdict(self.counters),
+            "motion": asdict(self.motion) if self.motion else None,
             "latency_ms": {"p50": _ms(self.latency_p50_s), "p99": _ms(self.latency_p99_s)},
             "held": self.held,
             "drift_ppm": round(self.drift_ppm, 2),
@@ -75,6 +81,8 @@ class CombReport:
         surfaces: frames with a surface: the reference and at least two other ribbons were there.
         surfaces_per_s: over the last interval.
         latency_p50_s, latency_p99_s: from the end of the oldest scan of a frame to the result in memory.
+        age_p50_s: from the moment that a frame shows to the result in memory: the latency, and how old the
+            readings are at the end of their scan.
         lambda_limited: transversals that were held at their smallest tangent.
         unsolved: frames that could not be reconstructed.
         dropped: scans that came faster than they could be reconstructed.
@@ -88,6 +96,7 @@ class CombReport:
     surfaces_per_s: float
     latency_p50_s: float
     latency_p99_s: float
+    age_p50_s: float
     lambda_limited: int
     unsolved: int
     dropped: int
@@ -117,6 +126,7 @@ class CombReport:
             "surfaces": self.surfaces,
             "surfaces_per_s": round(self.surfaces_per_s, 2),
             "latency_ms": self.latency_as_json(),
+            "age_ms": _ms(self.age_p50_s),
             "lambda_limited": self.lambda_limited,
             "unsolved": self.unsolved,
             "dropped": self.dropped,
@@ -158,6 +168,7 @@ class Report:
                 "invalid_nodes": sum(c.invalid_nodes for c in counters),
                 "surfaces": self.comb.surfaces,
                 "latency_ms": self.comb.latency_as_json(),
+                "age_ms": _ms(self.comb.age_p50_s),
                 "cpu_percent": round(self.comb.cpu_percent, 1),
                 "error_percent": self.comb.error_as_json(),
             }

@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
 from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations, source_of
 from ribbonhost.pipeline.keeper import Keeper
+from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
 from ribbonhost.pipeline.solving import OnSolved, Truth
@@ -43,9 +45,12 @@ class Stream:
         on_event: Callable[[str, str], None] = lambda label, what: None,
         on_solved: Iterable[OnSolved] = (),
         reconnect: bool = False,
+        motion: MotionMode = "off",
+        calibrations: Calibrations = NO_CALIBRATIONS,
     ) -> None:
         """`on_event` is told, in any thread, what happened to which ribbon; each of `on_solved` each
-        frame, in the thread that reconstructs. reconnect: look for ribbons whose ports vanish."""
+        frame, in the thread that reconstructs. reconnect: look for ribbons whose ports vanish.
+        motion, calibrations: see source_of; the devices are asked for RAW where motion is estimated."""
         self._places = arrangement.places
         self._on_event = on_event
         self._reconstruction = Reconstruction(
@@ -55,11 +60,17 @@ class Stream:
             truth=truth,
             on_event=on_event,
             on_solved=on_solved,
+            source_of=source_of(
+                motion, arrangement, rate_hz=rate_hz, calibrations=calibrations, on_event=on_event
+            ),
         )
         self._labels = {place.device: place.label for place in self._places if place.device}
         self._failed: set[Device] = set()
         self._keeper = Keeper(
-            arrangement.devices, rate_hz, lambda device, what: on_event(self._labels[device], what)
+            arrangement.devices,
+            rate_hz,
+            lambda device, what: on_event(self._labels[device], what),
+            raw=motion != "off",
         )
         self._reconnect = reconnect
         self._seeker: Seeker | None = None

@@ -17,7 +17,9 @@ class Tally:
         lambda_limited: transversals held at their smallest tangent.
         unsolved: frames that could not be reconstructed.
         latency: from the end of the oldest scan of a frame to the result in memory.
-        ribbon_latency: the same for the scans of each ribbon.
+        age: from the moment that a frame shows to the result in memory: the latency, and how old the readings
+            are at the end of their scan.
+        ribbon_latency: the same as latency for the scans of each ribbon.
         scan_spread: how far apart the scans of a frame ended.
     """
 
@@ -30,6 +32,7 @@ class Tally:
         self.lambda_limited = 0
         self.unsolved = 0
         self.latency = Histogram()
+        self.age = Histogram()
         self.scan_spread = Histogram()
         self.ribbon_latency = [Histogram() for _ in range(ribbons)]
         self._errors = 0
@@ -37,12 +40,13 @@ class Tally:
         self._error_min = math.inf
         self._error_max = -math.inf
 
-    def add_frame(self, scans: dict[int, Scan]) -> None:
-        """Counts a frame that was made of these scans, by the place of their ribbon, and is done."""
+    def add_frame(self, t_host_s: float, scans: dict[int, Scan]) -> None:
+        """Counts a frame of a moment, made of these scans, by the place of their ribbon, that is done."""
         t_done_s = self._now_s()
         self.frames += 1
         ends_s = [scan.t_host_s for scan in scans.values()]
         self.latency.add(t_done_s - min(ends_s))
+        self.age.add(t_done_s - t_host_s)
         if len(ends_s) > 1:
             self.scan_spread.add(max(ends_s) - min(ends_s))
         for place, scan in scans.items():

@@ -78,7 +78,7 @@ class Header:
     Attributes:
         ribbons: in the order of the reconstruction, the reference first if there is a comb.
         comb: text of the comb file; empty: curves only.
-        rate_hz, method: of the stream.
+        rate_hz, method, motion: of the stream.
         wall_offset_ns: add it to a host time in nanoseconds for the time since 1970, UTC.
         host_version, wire_version, schema_hash: of the host that recorded.
         part: 1, or the number of the file after rotations.
@@ -93,6 +93,7 @@ class Header:
     host_version: str
     wire_version: int
     schema_hash: int
+    motion: str = "off"
     part: int = 1
     t_zero_ns: int | None = None
 
@@ -103,6 +104,7 @@ class Header:
             "part": str(self.part),
             "rate_hz": str(self.rate_hz),
             "method": self.method,
+            "motion": self.motion,
             "wall_offset_ns": str(self.wall_offset_ns),
             "host_version": self.host_version,
             "wire_version": str(self.wire_version),
@@ -118,7 +120,7 @@ class Header:
         version = values.get("version", "")
         if version != str(VERSION):
             raise RecordingError(
-                f'is a recording of version "{version}", and this ribbonhost reads {VERSION}: '
+                f"is a recording of version {version!a}, and this ribbonhost reads {VERSION}: "
                 "install another ribbonhost"
             )
         try:
@@ -141,6 +143,7 @@ class Header:
                 comb=values["comb"],
                 rate_hz=int(values["rate_hz"]),
                 method=values["method"],
+                motion=values.get("motion", "off"),  # before there was a choice
                 wall_offset_ns=int(values["wall_offset_ns"]),
                 host_version=values["host_version"],
                 wire_version=int(values["wire_version"]),
