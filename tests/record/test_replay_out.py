@@ -20,7 +20,7 @@ def test_a_replay_sends_what_an_export_writes(command: Command, wing: Path, tmp_
     assert command("export", wing, "-o", tmp_path / "wing.npz", "--from", "1").returncode == 0
     with np.load(tmp_path / "wing.npz") as file:
         exported_m = file["node_m"]
-    first = frames[0]
-    nearest = np.abs(exported_m - np.array(first["node_m"])).max(axis=(1, 2, 3))
+    later = frames[10]  # the first may lie just before the second that both begin with
+    nearest = np.abs(exported_m - np.array(later["node_m"])).max(axis=(1, 2, 3))
     assert nearest.min() < 1e-6
     assert any("summary" in line for line in lines)

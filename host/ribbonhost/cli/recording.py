@@ -31,6 +31,7 @@ def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command(epilog="Example: ribbonhost record wing.mcap --emulate wing --seconds 10")(record)
     app.command(epilog="Example: ribbonhost recover wing.mcap")(recover)
+    app.command(epilog="Example: ribbonhost finalise wing.mcap")(finalise)
     app.command(epilog="Example: ribbonhost replay wing.mcap --speed 0.5 --from 3")(replay)
     app.command(epilog="Example: ribbonhost export wing.mcap -o wing.usdc --from 1 --to 5 --rate 30")(export)
     app.command(epilog="Example: ribbonhost validate wing.mcap --truth truth.npz --report wing.html")(
@@ -64,6 +65,24 @@ def recover(
     if output is not None and output.exists() and not force:
         raise UsageError(f"{output} is there already: give another name, or --force to replace it")
     run_recover(file, output, json)
+
+
+def finalise(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help=FILE_HELP)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write here.  [default: in place of FILE]"),
+    ] = None,
+    rate: Annotated[float, typer.Option(min=0.1, help="Decoded frames a second, at most.")] = 30.0,
+    force: options.ForceOption = False,
+    json: options.JsonOption = False,
+) -> None:
+    """Add decoded channels, poses and surface, for Foxglove and other viewers; it plays as before."""
+    from ribbonhost.cli.finalise import run_finalise
+
+    if output is not None and output.exists() and not force:
+        raise UsageError(f"{output} is there already: give another name, or --force to replace it")
+    run_finalise(file, output, rate, json)
 
 
 def replay(
@@ -103,7 +122,8 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write: .csv .npz .parquet .bvh .glb .usda .usdc .usdz .obj .ply .stl .html .mp4 .gif.",
+            help="File to write: .csv .npz .parquet .bvh .glb .usda .usdc .usdz .obj .ply .stl .html .mp4 "
+            ".gif.",
         ),
     ],
     start: Annotated[float | None, typer.Option("--from", min=0.0, help="First second.")] = None,

@@ -1,5 +1,6 @@
 """Recordings: all that ribbons sent, kept as it came, in MCAP files that survive what ends their writing."""
 
+from ribbonhost.record.finalise import Decoded, finalise
 from ribbonhost.record.layout import Header, RecordedRibbon
 from ribbonhost.record.reader import (
     Back,
@@ -18,6 +19,7 @@ from ribbonhost.record.tape import Tape
 
 __all__ = [
     "Back",
+    "Decoded",
     "Event",
     "Header",
     "Item",
@@ -30,6 +32,7 @@ __all__ = [
     "Sent",
     "Spoiled",
     "Tape",
+    "finalise",
     "is_complete",
     "recover",
 ]

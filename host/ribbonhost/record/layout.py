@@ -1,8 +1,9 @@
 """What is where in a recording: the names of its channels, and what its header says.
 
 A recording is an MCAP file (mcap.dev) of uncompressed chunks. Its log times are host times (time.monotonic)
-in nanoseconds. The messages stand in the order in which the host used them; that order, not the log time, is
-the order of a replay. Channels of ribbon i, counted in the order in which the ports were opened:
+in nanoseconds; in a finalised one an offset, which its header names, makes them times since 1970. The
+messages stand in the order in which the host used them; that order, not the log time, is the order of a
+replay. Channels of ribbon i, counted in the order in which the ports were opened:
 
     /ribbon/i/received   intact packets, type byte and fields; log time: when the last byte was read
     /ribbon/i/sent       packets that the host sent: commands and clock pings
@@ -83,6 +84,7 @@ class Header:
         host_version, wire_version, schema_hash: of the host that recorded.
         part: 1, or the number of the file after rotations.
         t_zero_ns: host time of time 0 if that lies in an earlier part.
+        log_offset_ns: added to host times in log times: 0, or in a finalised recording wall_offset_ns.
     """
 
     ribbons: tuple[RecordedRibbon, ...]
@@ -96,6 +98,7 @@ class Header:
     motion: str = "off"
     part: int = 1
     t_zero_ns: int | None = None
+    log_offset_ns: int = 0
 
     def to_metadata(self) -> dict[str, str]:
         """The map of the metadata record HEADER."""
@@ -110,6 +113,7 @@ class Header:
             "wire_version": str(self.wire_version),
             "schema_hash": f"{self.schema_hash:08x}",
             "t_zero_ns": "" if self.t_zero_ns is None else str(self.t_zero_ns),
+            "log_offset_ns": str(self.log_offset_ns),
             "comb": self.comb,
             "ribbons": json.dumps([asdict(ribbon) for ribbon in self.ribbons]),
         }
@@ -150,6 +154,7 @@ class Header:
                 schema_hash=int(values["schema_hash"], 16),
                 part=int(values["part"]),
                 t_zero_ns=int(values["t_zero_ns"]) if values["t_zero_ns"] else None,
+                log_offset_ns=int(values.get("log_offset_ns", "0")),
             )
         except (KeyError, IndexError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise RecordingError("has a damaged header: it cannot be read") from error
@@ -167,3 +172,9 @@ class Header:
             or any(not 2 <= r.node_count <= 255 or not 0.001 <= r.pitch_m <= 1.0 for r in there)
         ):
             raise RecordingError("has a header that describes no ribbons")
+
+
+def topics_of(header: Header) -> set[str]:
+    """All channels of a recording with this header."""
+    there = [ribbon.channel for ribbon in header.ribbons if ribbon.channel is not None]
+    return {EVENTS, *(topic(channel, kind) for channel in there for kind in KINDS)}

@@ -205,7 +205,7 @@ class Recording:
                 channels[record.id] = meanings[record.topic]
             elif isinstance(record, Message) and record.channel_id in channels:
                 try:
-                    yield _item(*channels[record.channel_id], record)
+                    yield _item(*channels[record.channel_id], record, self.header.log_offset_ns)
                 except (KeyError, TypeError, ValueError, RecursionError):
                     bad += 1
             self.damaged = reader.damaged + bad
@@ -232,8 +232,8 @@ class Recording:
         return first_s or 0.0
 
 
-def _item(ribbon: int, kind: str, message: Message) -> Item:
-    number, t_s, data = message.sequence, message.log_time / NS, message.data
+def _item(ribbon: int, kind: str, message: Message, log_offset_ns: int) -> Item:
+    number, t_s, data = message.sequence, (message.log_time - log_offset_ns) / NS, message.data
     match kind:
         case "received":
             return Received(ribbon, number, t_s, data)
