@@ -228,3 +228,14 @@ def test_solver_names_unknown_method_and_patch_size() -> None:
         CombSolver(LAYOUT, method="guess")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="patch_vertices"):
         CombSolver(LAYOUT, patch_vertices=1)
+
+
+def test_rounding_is_no_shape() -> None:
+    """A comb laid out flat has normals without any slope: none of 1e-17, whose squares would be slow."""
+    q = np.zeros((6, 16, 4))
+    q[0, :, 0] = 1.0
+    q[1:, :, 0], q[1:, :, 3] = np.cos(np.pi / 4), np.sin(np.pi / 4)
+    frame = CombSolver(LAYOUT).solve(q)
+    assert 0 < np.abs(frame.tangent[1:, :, 0]).max() < 1e-15
+    assert (frame.normals[..., :2] == 0).all()
+    np.testing.assert_allclose(frame.normals[..., 2], 1, atol=1e-6)
