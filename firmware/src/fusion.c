@@ -176,11 +176,10 @@ static void watch_field(const struct fusion_params *params, struct fusion_state 
 
 /* The orientation of node k from up and its own field, or its neighbours' where it has none to trust. */
 static void orient(const struct fusion_params *params, const struct fusion_state *state,
-                   const struct fusion_derived *derived, const struct fusion_scan *scan,
+                   const struct fusion_derived *derived, struct fusion_scan *scan,
                    const float *field_variance, unsigned k, struct fusion_node *node) {
-    const float *field_ut = scan->field_ut[k];
+    float *const field_ut = scan->field_ut[k];
     float variance = field_variance[k];
-    float explained_ut[3];
     const struct stencil *const neighbours = &derived->neighbours[k];
     if (!scan->field_trusted[k] && neighbours->count > 0u) {
         const float (*const fields_ut)[3] = (const float (*)[3])scan->field_ut;
@@ -191,8 +190,10 @@ static void orient(const struct fusion_params *params, const struct fusion_state
         /* A field that is off tells more than one that could be any. */
         if (!scan->field_valid[k] ||
             fusion_quality_sigma(params, scan, bridged_variance, k) < params->sigma_max_rad) {
+            float explained_ut[3];
             stencil_apply(neighbours, fields_ut, explained_ut);
-            field_ut = explained_ut;
+            /* With two axes the next scan's choice starts from here, not from what was not trusted. */
+            memcpy(field_ut, explained_ut, sizeof explained_ut);
             variance = bridged_variance;
         }
     }

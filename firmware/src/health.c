@@ -24,7 +24,7 @@ static const float LENGTH_MAX = 0.01f;
 static const float NEIGHBOURS_MAX = 0.04f;
 
 /* The field does not fit if it was called disturbed for so much of the time. */
-static const float DISTURBED_MAX = 0.5f;
+static const float DISTURBED_MAX = 0.7f;
 
 static const int8_t UNKNOWN_PERMILLE = -128;
 
@@ -98,13 +98,15 @@ void health_watch(struct health *health, const struct fusion_params *params, con
     const unsigned k = health->next;
     const float dt_s = smaller_of(input->dt_s * (float)NODES, KNOWN_S);
     health->next = (uint8_t)((k + 1u) % NODES);
+    /* On a ribbon that is shaken the level is wrong, and with it the dip. */
+    const bool is_level = !(state->unrest_s[k] > 0.0f) && !(state->unrest_s[(k + 1u) % NODES] > 0.0f);
     if (!input->accel_valid[k])
         health->misfit[2u * k] = 0u;
-    else if (state->gain.gain < REST_GAIN_MAX && !(state->unrest_s[k] > 0.0f))
+    else if (is_level && state->gain.gain < REST_GAIN_MAX)
         watch_accel(health, params->gravity_mps2, state, input, k, dt_s);
     if (!input->field_valid[k])
         health->misfit[2u * k + 1u] = 0u;
-    else
+    else if (is_level)
         watch_field(health, field_ut, state, k, dt_s);
 }
 
