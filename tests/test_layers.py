@@ -59,7 +59,7 @@ HOST_MAY_IMPORT = {
     "ribbonhost.validate": {"errors", "reconstruct"},
     "ribbonhost.export": {"errors"},
     "ribbonhost.record": {"errors", "wire", "framing"},
-    "ribbonhost.bench": {"errors", "wire", "framing", "native", "reconstruct", "motion"},
+    "ribbonhost.bench": {"errors", "wire", "framing", "native", "reconstruct", "motion", "calibrate"},
 }
 HIL_MAY_IMPORT = {"errors", "wire", "framing", "link", "clock", "device", "comb"}
 SLOW_TO_IMPORT = {"numpy", "scipy"}

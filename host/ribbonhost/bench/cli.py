@@ -58,4 +58,17 @@ def report(
         typer.echo(path)
 
 
+@app.command()
+def calibration(
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Combs with errors of their own.")] = 20,
+    scene: Annotated[str, typer.Option(metavar="SCENE", help="sea, wing, breath, or a file.py.")] = "wing",
+    json: Annotated[bool, typer.Option("--json", help=JSON_HELP)] = False,
+) -> None:
+    """Error E of combs with the errors of real parts, before and after they are calibrated on a bar."""
+    from ribbonhost.bench.calibration import calibration_table, measure_calibration
+
+    result = measure_calibration(seeds, scene)
+    typer.echo(json_module.dumps(result) if json else calibration_table(result))
+
+
 app.command()(motion)

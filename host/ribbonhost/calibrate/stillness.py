@@ -81,11 +81,8 @@ def find_stays(
     almost = (wander < ALMOST_RAD) & ~gap
     still = (wander < WANDER_RAD) & (shake < SHAKE_MPS2) & ~gap
     stays = [_stay(readings, first, last, wander, shake, slow, scans, True) for first, last in _runs(still)]
-    covered = np.zeros(len(readings), dtype=bool)
-    for stay in stays:
-        covered[max(0, stay.first - scans) : stay.last + scans] = True
     for first, last in _runs(almost):
-        if not covered[first:last].any():
+        if not still[first:last].any():
             stays.append(_stay(readings, first, last, wander, shake, slow, scans, False))
     stays.sort(key=lambda stay: stay.first)
     return _merged(stays, slow, slow_field)
