@@ -12,13 +12,14 @@ PURE_SOURCES := \
 APPLICATION_SOURCES := \
     app.c calibration_store.c commands.c packets.c select_chain.c sensor_string.c
 
-# Of these, what every scan runs through, and where it pays to unroll the loops over three axes.
+# Of these, what every scan runs through and is faster if built for speed, and where it pays to unroll the loops
+# over three axes.
 SCANNED_SOURCES := \
-    app.c branch.c bridge_offset.c framing.c fusion.c fusion_field.c fusion_quality.c packets.c plausibility.c \
-    quaternion.c rest_filter.c select_chain.c sensor_string.c slot.c stencil.c two_axis.c \
+    bridge_offset.c framing.c fusion.c fusion_field.c fusion_quality.c packets.c plausibility.c rest_filter.c \
+    select_chain.c slot.c two_axis.c \
     sensors/hmc5983_decode.c sensors/lis2dw12_decode.c sensors/mmc5983ma_decode.c port/stm32f405/bus.c
 UNROLLED_SOURCES := \
-    bridge_offset.c fusion_field.c packets.c slot.c stencil.c two_axis.c \
+    bridge_offset.c fusion_field.c packets.c slot.c two_axis.c \
     sensors/hmc5983_decode.c sensors/lis2dw12_decode.c sensors/mmc5983ma_decode.c
 
 # The board that is made of memory.
