@@ -39,6 +39,7 @@ def test_figures_of_the_wing_hold() -> None:
     assert wing["surface"]["measured"]["mean_mm"] < wing["surface"]["zero"]["mean_mm"] < 0.1
     assert wing["surface"]["measured"]["seam_deg"] < 1e-6
     assert 93 < wing["coverage"]["percent"] < 97
+    assert 93 < result["coverage_straight"]["percent"] < 97
     assert "motion_smoothed" in accuracy_tables(result)
 
 
