@@ -192,3 +192,31 @@ def test_the_list_and_the_help_come_quickly() -> None:
 def cpu_of_children_s() -> float:
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
+
+
+def test_devices_and_doctor_tell_of_the_ribbons_that_are_named(
+    run: Run, urls: list[str], fakes: list[FakeRibbon], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RIBBONHOST_PORTS", " ".join(urls))
+    path = tmp_path / "comb.toml"
+    comb = Comb(
+        fakes[0].serial, 0.025, (CombRibbon(fakes[1].serial, 0.0, "left"), CombRibbon("ff" * 12, 0.1))
+    )
+    path.write_text(comb.to_toml())
+    code, out, _ = run("devices", "left", "--comb", path, "--json")
+    assert code == 0
+    assert [(r["name"], r["port"]) for r in json.loads(out)["ribbons"]] == [("left", urls[1])]
+    time.sleep(0.5)  # until the scripted ports take the next who opens them
+    code, out, _ = run("devices", "--comb", path)
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[:3]] == ["name", "reference", "left"]
+    assert f"at 0.1 m ({'ff' * 12}) of {path} is not here." in out
+    time.sleep(0.5)
+    _, out, _ = run("doctor", "21aa", "--json")
+    told = {check["name"] for check in json.loads(out)["checks"]}
+    assert f"port {urls[1]}" in told
+    assert f"port {urls[0]}" not in told
+    monkeypatch.delenv("RIBBONHOST_PORTS")
+    code, out, err = run("devices", "77")
+    assert (code, out) == (1, "")
+    assert "no ribbon 77 was found" in err

@@ -12,7 +12,7 @@ def main() -> None:
 
     try:
         try:
-            build_app()()
+            build_app()(prog_name="ribbonhost")
         finally:
             sys.stdout.flush()  # here a reader that left can be met quietly, at the interpreter's exit not
     except RibbonError as error:

@@ -14,7 +14,6 @@ def build_app() -> typer.Typer:
         name="ribbonhost",
         help="Turns the packets of sensor ribbons into curves and a C1 surface, live.",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # a coloured help would take twice as long to appear
         context_settings={"help_option_names": ["-h", "--help"]},

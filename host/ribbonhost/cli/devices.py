@@ -2,39 +2,51 @@
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 
 from rich.text import Text
 
 from ribbonhost import wire
+from ribbonhost.cli.naming import probe
 from ribbonhost.cli.printing import count_names, name_of, plain_table, print_table
-from ribbonhost.device.discovery import PORTS_VARIABLE, FoundPort, PortState, candidate_urls, probe_ports
+from ribbonhost.comb import Comb, load_comb
+from ribbonhost.device.discovery import PORTS_VARIABLE, FoundPort, PortState
 
 
-def run_devices(urls: Sequence[str], baud: int, as_json: bool) -> None:
-    """Asks all serial ports, and those given, who they are, and prints it."""
-    ports = probe_ports([*urls, *candidate_urls()], baud=baud)
-    ribbons = [port for port in ports if port.info]
+def run_devices(names: Sequence[str], comb_path: Path | None, baud: int, as_json: bool) -> None:
+    """Asks all serial ports, and those given, who they are, and prints it.
+
+    With a comb file also what each ribbon is called there, and who of it is missing. Raises UsageError,
+    LinkError if a ribbon that was named is not there.
+    """
+    comb = load_comb(comb_path) if comb_path else None
+    ports = probe(names, baud=baud, comb=comb)
+    ribbons = [ribbon_facts(port, comb) for port in ports if port.info]
     others = [port for port in ports if not port.info]
+    there = {facts["serial"] for facts in ribbons}
+    missing = {s: comb.label(s) for s in comb.serials if s not in there} if comb and not names else {}
     if as_json:
-        print(
-            json.dumps(
-                {
-                    "ribbons": [ribbon_facts(port) for port in ribbons],
-                    "others": [{"port": p.url, "state": p.state.value, "what": p.what} for p in others],
-                }
-            )
-        )
+        facts: dict[str, object] = {
+            "ribbons": ribbons,
+            "others": [{"port": p.url, "state": p.state.value, "what": p.what} for p in others],
+        }
+        if comb:
+            facts["missing"] = [{"serial": serial, "name": name} for serial, name in missing.items()]
+        print(json.dumps(facts))
         return
     if ribbons:
-        table = plain_table("serial", "port", "board", "firmware", "wire", "slots", "parts", "rate")
-        for port in ribbons:
-            table.add_row(*_row(ribbon_facts(port)))
+        headings = ["serial", "port", "board", "firmware", "wire", "slots", "parts", "rate"]
+        table = plain_table(*(["name"] if comb else []), *headings)
+        for one in ribbons:
+            table.add_row(*([str(one["name"] or "not in it")] if comb else []), *_row(one))
         print_table(table)
     else:
         print(
             f"No ribbon was found on {len(ports)} ports: plug one in, or name its port "
             f"(`ribbonhost devices socket://HOST:PORT`, or {PORTS_VARIABLE})."
         )
+    for serial, name in missing.items():
+        print(f"{name} ({serial}) of {comb_path} is not here.")
     if others:
         table = plain_table("port", "", "")
         table.show_header = False
@@ -44,12 +56,13 @@ def run_devices(urls: Sequence[str], baud: int, as_json: bool) -> None:
         print_table(table)
 
 
-def ribbon_facts(port: FoundPort) -> dict[str, object]:
+def ribbon_facts(port: FoundPort, comb: Comb | None = None) -> dict[str, object]:
     """What a ribbon says of itself, in plain words; keys of `devices --json`."""
     info = port.info
     assert info is not None  # only ports with a ribbon come here
     parts = [name_of(wire.Part, int(part)) for part in info.slots.part]
-    return {
+    named = {"name": comb.label(port.serial) if port.serial in comb.serials else None} if comb else {}
+    return named | {
         "serial": port.serial,
         "port": port.url,
         "board": name_of(wire.Board, info.board),

@@ -14,16 +14,17 @@ from ribbonhost.cli.doctor_checks import (
     port_checks,
     ribbon_checks,
 )
+from ribbonhost.cli.naming import probe
 from ribbonhost.cli.printing import plain_table, print_table
-from ribbonhost.device.discovery import candidate_urls, probe_ports
+from ribbonhost.comb import load_comb
 from ribbonhost.errors import RibbonError
 
 STYLES = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.FAIL: "bold red"}
 
 
-def run_doctor(urls: Sequence[str], baud: int, as_json: bool) -> None:
+def run_doctor(names: Sequence[str], comb: Path | None, baud: int, as_json: bool) -> None:
     """Makes all checks and prints them. Raises RibbonError if one fails."""
-    ports = probe_ports([*urls, *candidate_urls()], baud=baud)
+    ports = probe(names, baud=baud, comb=load_comb(comb) if comb else None)
     checks = [*machine_checks(Path.cwd()), permission_check(ports), *port_checks(ports)]
     for port in ports:
         if port.info:

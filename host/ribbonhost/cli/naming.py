@@ -44,6 +44,21 @@ def resolve(names: Sequence[str], *, baud: int, comb: Comb | None = None) -> tup
     return tuple(urls)
 
 
+def probe(names: Sequence[str], *, baud: int, comb: Comb | None = None) -> list[FoundPort]:
+    """Asks all ports of this machine, and those given, who is there.
+
+    Where ribbons are named, only these and the ports given are returned. Raises as `resolve`.
+    """
+    prefixes = {name: prefix for name in names if (prefix := _serial_prefix(name, comb))}
+    given = [name for name in names if name not in prefixes]
+    urls = [*given, *candidate_urls()]
+    if not prefixes:
+        return probe_ports(urls, baud=baud)
+    ports = probe_ports(urls, baud=baud, timeout_s=PATIENT_S)
+    wanted = {*given, *(_find(name, prefix, ports) for name, prefix in prefixes.items())}
+    return [port for port in ports if port.url in wanted]
+
+
 def _serial_prefix(name: str, comb: Comb | None) -> str:
     """What the serial number starts with; empty for a port."""
     if "/" in name or "\\" in name or os.path.exists(name):

@@ -8,6 +8,8 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from ribbonhost.cli import completion
+
 URLS_HELP = (
     "Ports of ribbons: /dev/ttyACM0, COM5, /dev/rfcomm0 (Bluetooth), socket://HOST:PORT, "
     "or any other that pyserial opens; or their serial numbers, or names in the comb file."
@@ -32,6 +34,7 @@ OutOption = Annotated[
         metavar="TARGET",
         help="Send each frame to other programs: ndjson (stdout), ws://127.0.0.1:PORT, tcp://127.0.0.1:PORT, "
         "osc://HOST:PORT, or lsl. May be given several times.",
+        autocompletion=completion.targets,
     ),
 ]
 
@@ -40,11 +43,18 @@ OutOption = Annotated[
 class StreamOptions:
     """What `stream` and `record` are asked for; None where nothing was typed."""
 
-    urls: Annotated[list[str] | None, typer.Argument(metavar="URL", help=URLS_HELP)] = None
+    urls: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="URL", help=URLS_HELP, autocompletion=completion.ribbons),
+    ] = None
     comb: CombOption = None
     emulate: Annotated[
         str | None,
-        typer.Option(metavar="SCENE", help="Emulate a comb on a surface: sea, wing, breath, or a file.py."),
+        typer.Option(
+            metavar="SCENE",
+            help="Emulate a comb on a surface: sea, wing, breath, or a file.py.",
+            autocompletion=completion.scenes,
+        ),
     ] = None
     ribbons: Annotated[
         int | None, typer.Option(min=2, max=6, help="Emulated ribbons on the reference.  [default: 5]")

@@ -5,14 +5,21 @@ from typing import Annotated
 
 import typer
 
+from ribbonhost.cli import completion
 from ribbonhost.cli.options import BaudOption, CombOption
 
 NAME_HELP = "A ribbon: its port, its serial number or how that starts, or its name in the comb file."
 
-NameArgument = Annotated[str, typer.Argument(metavar="DEVICE", help=NAME_HELP)]
+NameArgument = Annotated[
+    str, typer.Argument(metavar="DEVICE", help=NAME_HELP, autocompletion=completion.ribbons)
+]
 PortsArgument = Annotated[
     list[str] | None,
-    typer.Argument(metavar="URL", help="Ports to ask besides the serial ports of this machine."),
+    typer.Argument(
+        metavar="DEVICE",
+        help="Ports to ask besides the serial ports of this machine; or ribbons, of which alone it is told.",
+        autocompletion=completion.ribbons,
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
@@ -41,11 +48,16 @@ def info(
     run_info(name, baud, comb, json)
 
 
-def devices(urls: PortsArgument = None, baud: BaudOption = 921_600, json: JsonOption = False) -> None:
+def devices(
+    names: PortsArgument = None,
+    comb: CombOption = None,
+    baud: BaudOption = 921_600,
+    json: JsonOption = False,
+) -> None:
     """List the ribbons on the ports of this machine; each port is asked once who is there."""
     from ribbonhost.cli.devices import run_devices
 
-    run_devices(urls or (), baud, json)
+    run_devices(names or (), comb, baud, json)
 
 
 def identify(
@@ -107,8 +119,13 @@ def rate_test(
     run_rate_test(name, rates, seconds, comb=comb, baud=baud, as_json=json)
 
 
-def doctor(urls: PortsArgument = None, baud: BaudOption = 921_600, json: JsonOption = False) -> None:
+def doctor(
+    names: PortsArgument = None,
+    comb: CombOption = None,
+    baud: BaudOption = 921_600,
+    json: JsonOption = False,
+) -> None:
     """Check this machine, its ports and each ribbon, and say what to do; exit code 1 if a check fails."""
     from ribbonhost.cli.doctor import run_doctor
 
-    run_doctor(urls or (), baud, json)
+    run_doctor(names or (), comb, baud, json)
