@@ -154,9 +154,9 @@ def comb_error(
     together = [t for t in sorted(set.intersection(*map(set, sent))) if t >= SETTLED_S * 1e6]
     nodes = [[packets[t].nodes for packets in sent] for t in together]
     q = np.array([[n.q_world_node for n in row] for row in nodes])
-    valid = np.array([[n.valid for n in row] for row in nodes])
+    valid: NDArray[np.bool_] = np.array([[n.valid for n in row] for row in nodes])
     t_s = np.array(together) * 1e-6
-    seen = valid.any(axis=2).all(axis=1)
+    seen = np.all(np.any(valid, axis=2), axis=1)
     solved = CombSolver(LAYOUT, "spline").solve_many(q[seen], valid[seen])
     percent = comb_errors(LAYOUT, solved.node_m, truth.node_from_anchor_m(t_s[seen])).percent
     cosine = np.abs(np.einsum("...i,...i", truth.q_world_slot(t_s)[:, :, 1::2], q))
@@ -202,13 +202,13 @@ def measure_calibration(seeds: int, scene: str) -> dict[str, Any]:
                 "solve_s": float(np.mean([ribbon.solve_s for ribbon in ribbons])),
             }
         )
-    after = [comb["error_percent"] for comb in combs]
+    percents = [comb["error_percent"] for comb in combs]
     return {
         "scene": scene,
         "ribbons": seeds * (RIBBONS + 1),
         "combs": combs,
-        "error_median_percent": float(np.median(after)),
-        "error_max_percent": float(np.max(after)),
+        "error_median_percent": float(np.median(percents)),
+        "error_max_percent": float(np.max(percents)),
     }
 
 

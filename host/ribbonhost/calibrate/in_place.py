@@ -53,9 +53,10 @@ def calibrate_in_place(
     reading_checks.check_still_samples(int(few.min()), SAMPLES_MIN)
     block = np.arange(len(up)) * BLOCKS // len(up)
     odd = block % 2 == 1
-    shift, spread, covariance = _offsets(up, field_ut, usable, parameters, place.field_ut)
-    reading_checks.check_variety(spread)
-    trained, _, _ = _offsets(up, field_ut, usable & odd[:, None], parameters, place.field_ut)
+    shift, covariance = _offsets(up, field_ut, usable, parameters, place.field_ut)
+    sigma_ut = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])
+    reading_checks.check_variety(sigma_ut)
+    trained, _ = _offsets(up, field_ut, usable & odd[:, None], parameters, place.field_ut)
     kept_back = usable & ~odd[:, None]
     old_deg = _misfit_deg(up, field_ut, kept_back, parameters, np.zeros_like(trained), place.field_ut)
     new_deg = _misfit_deg(up, field_ut, kept_back, parameters, trained, place.field_ut)
@@ -74,8 +75,7 @@ def calibrate_in_place(
         _solution(readings, parameters, shift, covariance),
         _no_poses(readings, axes, place.field_ut),
         place,
-        np.degrees(np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]))
-        / (place.field_ut * max(np.cos(parameters.dip_rad), 0.1)),
+        np.degrees(sigma_ut / (place.field_ut * max(np.cos(parameters.dip_rad), 0.1))),
         old_deg,
         new_deg,
         BLOCKS // 2,
@@ -102,8 +102,8 @@ def _still(readings: Readings, parameters: Parameters) -> tuple[Array, Array, ND
 
 def _offsets(
     up: Array, field_ut: Array, usable: NDArray[np.bool_], parameters: Parameters, strength_ut: float
-) -> tuple[Array, Array, Array]:
-    """Changes of the offsets (M, axes), the spread of the directions that tell them (M,), covariances."""
+) -> tuple[Array, Array]:
+    """Changes of the offsets (M, axes) and their covariances (M, axes, axes)."""
     axes = field_ut.shape[2]
     shift = np.zeros((field_ut.shape[1], axes))
     sigma_ut = FIELD_SHARE * strength_ut
@@ -117,8 +117,7 @@ def _offsets(
         normal = np.einsum("tm,tmij->mij", weight, across)
         right = np.einsum("tm,tmij,tmj->mi", weight, across, residual) - shift @ prior
         shift = shift + np.linalg.solve(normal + prior, right[..., None])[..., 0]
-    spread = np.linalg.eigvalsh(normal)[:, 0] / np.maximum(weight.sum(axis=0), 1.0)
-    return shift, np.asarray(spread), np.asarray(np.linalg.inv(normal + prior) * sigma_ut**2)
+    return shift, np.asarray(np.linalg.inv(normal + prior) * sigma_ut**2)
 
 
 def _nearest(

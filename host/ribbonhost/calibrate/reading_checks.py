@@ -23,7 +23,7 @@ FIELD_MOST_UT = 300.0
 TEMPERATURE_C = 5.0
 SPREAD_MIN = 0.1
 """Smallest eigenvalue of the mean of u u^T over the poses; 1/3 where directions are spread evenly."""
-SPREAD_IN_PLACE = 0.05
+OFFSET_MAX_UT = 1.0
 
 
 def check_readings(readings: Readings, temperatures_c: Sequence[float] = ()) -> None:
@@ -136,14 +136,15 @@ def _check_spread(directions: Array, what: str) -> None:
         )
 
 
-def check_variety(spread: Array) -> None:
-    """Refuses an in-place calibration at nodes that were hardly turned; spread (M,) of SPREAD_MIN's kind."""
-    bad = np.flatnonzero(spread < SPREAD_IN_PLACE)
+def check_variety(sigma_ut: Array) -> None:
+    """Refuses an in-place calibration where nodes turned too little; sigma_ut (M,) of their offsets."""
+    bad = np.flatnonzero(sigma_ut > OFFSET_MAX_UT)
     if len(bad):
         raise RefusedError(
             Reason.ONE_AXIS,
-            f"the field at {listed('node', bad + 1)} hardly changed its direction: move the ribbon through "
-            "more attitudes, slowly",
+            f"{listed('node', bad + 1)} turned too little to tell a magnetometer's offset to "
+            f"{OFFSET_MAX_UT:g} uT (to {sigma_ut.max():.1f} uT now): move the ribbon through more attitudes, "
+            "slowly, or for longer",
         )
 
 
