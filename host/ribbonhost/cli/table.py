@@ -75,6 +75,10 @@ def table_of(report: Report) -> Table:
         _quantiles(comb.latency_p50_s, comb.latency_p99_s),
         "" if math.isnan(comb.error_mean_percent) else f"{comb.error_mean_percent:.3f}",
     )
+    health = [f"{ribbon.label}: {ribbon.health()}" for ribbon in report.ribbons if ribbon.unfit]
+    if health:
+        table.caption = Text("\n".join(health), "yellow")
+        table.caption_justify = "left"
     return table
 
 

@@ -44,7 +44,7 @@ def why_not(device: Device, rate_hz: int) -> str:
 
 def load_bytes_per_s(node_count: int, slot_count: int, rate_hz: int) -> float:
     """What ORIENT, RAW and STATUS take of a link, framed."""
-    orient, raw, status = 8 + 7 * node_count, 21 + 17 * node_count, 55 + 3 * slot_count
+    orient, raw, status = 8 + 7 * node_count, 21 + 17 * node_count, 56 + 5 * slot_count
     return rate_hz * (_frame_bytes(orient) + _frame_bytes(raw)) + _frame_bytes(status)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ribbonhost.device import Counters, Device, Scan
 from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.health import unfit_slots
 from ribbonhost.pipeline.matching import SILENT_S
 from ribbonhost.pipeline.poses import MotionCounts, SourceOf, device_poses
 from ribbonhost.pipeline.report import CombReport, Report, RibbonReport
@@ -208,4 +209,6 @@ class Reconstruction:
             temperature_c=None
             if status is None or math.isnan(status.temperature_c)
             else round(status.temperature_c, 2),
+            unfit=unfit_slots(status),
+            slot_count=len(status.slots) if status else 0,
         )

@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 
 from ribbonhost.device import Counters
+from ribbonhost.pipeline.health import Unfit, sentence
 from ribbonhost.pipeline.poses import MotionCounts
 
 JsonObject = dict[str, object]
@@ -27,6 +28,8 @@ class RibbonReport:
         aligned: whether its scans are kept in step with the others'.
         overruns, frames_dropped: as its STATUS says, since it started; None before the first.
         temperature_c: as its STATUS says; None if it does not.
+        unfit: sensors that its calibration does not fit, as its STATUS says.
+        slot_count: sensors that it has.
     """
 
     label: str
@@ -48,6 +51,12 @@ class RibbonReport:
     overruns: int | None
     frames_dropped: int | None
     temperature_c: float | None
+    unfit: tuple[Unfit, ...]
+    slot_count: int
+
+    def health(self) -> str:
+        """What does not fit the calibration, and what to do, in a line; empty if all does."""
+        return sentence(self.unfit, self.slot_count)
 
     def as_json(self) -> JsonObject:
         """The object that `stream --json` prints."""
@@ -69,6 +78,7 @@ class RibbonReport:
             "overruns": self.overruns,
             "frames_dropped": self.frames_dropped,
             "temperature_c": self.temperature_c,
+            "unfit": [one.as_json() for one in self.unfit],
         }
 
 
