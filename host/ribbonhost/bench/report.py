@@ -106,8 +106,8 @@ def _accuracy(result: dict[str, Any]) -> list[str]:
             motion adds when it is read as one, and [motion.md](motion.md) what the motion estimator makes of
             it. Periods and fastest nodes: {moves}."""
         ),
-        "E of sensors with noise, frame by frame; dashed: with acceleration.",
-        "![E frame by frame](accuracy/frames.png)",
+        "E of sensors with noise over a period, means of its hundredths; dashed: with acceleration.",
+        "![E over a period](accuracy/frames.png)",
     ]
 
 
