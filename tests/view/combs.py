@@ -1,7 +1,8 @@
 """Made-up moments of a comb for the tests of the view."""
 
 import numpy as np
-from ribbonhost.reconstruct import CombLayout, CombSolver
+from ribbonhost import wire
+from ribbonhost.reconstruct import CombLayout
 from ribbonhost.view.layout import Layout, Moment, Solver
 
 COMB = CombLayout(0.025, 16, (0.0, 0.15, 0.3, 0.45))
@@ -22,9 +23,6 @@ def cylinder(radius_m: float) -> np.ndarray:
 def moment(t_s: float = 0.0, radius_m: float = 0.5, quality: int = 5) -> Moment:
     """A bent sheet, all nodes valid."""
     q = cylinder(radius_m).reshape(-1, 4)
-    return Solver(LAYOUT, "spline").solve(t_s, q, np.ones(len(q), bool), np.full(len(q), quality, np.uint8))
-
-
-def solver() -> CombSolver:
-    """Of COMB."""
-    return CombSolver(COMB)
+    known, valid = np.ones((2, len(q)), np.bool_)
+    flags = np.full(len(q), quality, np.uint8)
+    return Solver(LAYOUT, "spline").solve(t_s, q, known, valid, wire.sigma_rad(flags), flags)

@@ -7,6 +7,7 @@ from ribbonhost.export.animation import grid_triangles
 from ribbonhost.view.contours import Cut, Cutter
 
 U, W, BANDS = 31, 17, 8
+THERE = np.ones(U * W, np.bool_)
 
 
 def grid() -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -29,17 +30,17 @@ def areas(cut: Cut, vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
 def test_bands_cover_the_mesh_once_and_face_its_way() -> None:
     vertices, levels = grid()
     triangles = grid_triangles(U, W)
-    way = np.sign(areas(Cutter(triangles).whole(np.ones(U * W, bool)), vertices)[0][0])
-    found = areas(Cutter(triangles).cut(levels, BANDS), vertices)
+    way = np.sign(areas(Cutter(triangles).cut(np.full(U * W, np.nan), THERE, BANDS), vertices)[-1][0])
+    found = areas(Cutter(triangles).cut(levels, THERE, BANDS), vertices)
     assert sum(float(band.sum()) for band in found) == pytest.approx(way * 0.5, abs=1e-6)
     assert min(float((way * band).min()) for band in found if len(band)) > -1e-9
 
 
 def test_every_point_lies_between_the_levels_of_its_band() -> None:
     _, levels = grid()
-    cut = Cutter(grid_triangles(U, W)).cut(levels, BANDS)
+    cut = Cutter(grid_triangles(U, W)).cut(levels, THERE, BANDS)
     at_points = cut.points(np.clip(levels, 0, BANDS)[:, None].astype(np.float32))[:, 0]
-    for band, (at, faces) in enumerate(cut.bands):
+    for band, (at, faces) in enumerate(cut.bands[:BANDS]):
         assert len(faces)
         assert (at_points[at] >= band - 1e-4).all()
         assert (at_points[at] <= band + 1 + 1e-4).all()
@@ -47,20 +48,29 @@ def test_every_point_lies_between_the_levels_of_its_band() -> None:
 
 def test_points_follow_the_vertices_without_a_new_cut() -> None:
     vertices, levels = grid()
-    cut = Cutter(grid_triangles(U, W)).cut(levels, BANDS)
+    cut = Cutter(grid_triangles(U, W)).cut(levels, THERE, BANDS)
     moved = vertices @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], np.float32) + np.float32(3.0)
     before, after = areas(cut, vertices), areas(cut, moved)
     assert all(np.allclose(a, b, atol=1e-6) for a, b in zip(before, after, strict=True))
 
 
-def test_what_is_not_known_leaves_a_hole() -> None:
+def test_what_has_no_value_is_a_band_of_its_own_and_what_is_not_there_a_hole() -> None:
     vertices, levels = grid()
     levels[: 10 * W] = np.nan
-    found = areas(Cutter(grid_triangles(U, W)).cut(levels, BANDS), vertices)
+    there = THERE.copy()
+    there[: 4 * W] = False
+    *found, unknown = areas(Cutter(grid_triangles(U, W)).cut(levels, there, BANDS), vertices)
     assert abs(sum(float(band.sum()) for band in found)) == pytest.approx(0.5 * 20 / 30, abs=1e-6)
+    assert abs(float(unknown.sum())) == pytest.approx(0.5 * 6 / 30, abs=1e-6)
+
+
+def test_nothing_there_is_nothing() -> None:
+    vertices, levels = grid()
+    found = areas(Cutter(grid_triangles(U, W)).cut(levels, ~THERE, BANDS), vertices)
+    assert [len(band) for band in found] == [0] * (BANDS + 1)
 
 
 @pytest.mark.parametrize("levels", [np.zeros(U * W), np.full(U * W, BANDS + 5.0), np.full(U * W, 3.0)])
 def test_one_value_everywhere_is_one_band(levels: NDArray[np.float64]) -> None:
-    cut = Cutter(grid_triangles(U, W)).cut(levels, BANDS)
+    cut = Cutter(grid_triangles(U, W)).cut(levels, THERE, BANDS)
     assert [len(faces) > 0 for _, faces in cut.bands].count(True) == 1

@@ -18,13 +18,15 @@ def test_a_kept_moment_comes_back_within_20_um() -> None:
     kept = history()
     for k in range(10):
         shown = moment(10.0 + k, radius_m=0.3 + 0.1 * k)
-        shown.valid[LAYOUT.slices[1].start + 3] = k != 5
+        shown.known[LAYOUT.slices[1].start + 3] = k != 5
+        shown.valid[LAYOUT.slices[1].start + 4] = k != 5
         kept.add(replace(shown, truth_m=shown.node_m + 0.001))
     again = kept.at(15.4)
     assert again is not None
     assert again.t_s == 15.0
-    assert not again.valid[LAYOUT.slices[1].start + 3]
-    assert np.count_nonzero(~again.valid) == 1
+    assert np.flatnonzero(~again.known).tolist() == [LAYOUT.slices[1].start + 3]
+    assert np.flatnonzero(~again.valid).tolist() == [LAYOUT.slices[1].start + 4]
+    assert again.sigma_rad == pytest.approx(moment().sigma_rad, rel=1e-3)
     true = moment(15.0, radius_m=0.8)
     others = np.delete(np.arange(80), LAYOUT.slices[1])
     assert np.abs(again.node_m - true.node_m)[others].max() < 20e-6
@@ -99,9 +101,24 @@ def test_plots_hold_the_last_minute_of_a_stream_in_a_few_hundred_points() -> Non
     plots = Plots(LAYOUT, thins=False)
     for k in range(1500):
         plots.add(moment(0.05 * k, radius_m=0.5 + 0.0001 * k))
-    t_s, *lines = plots.lines(NAMES[0], 60.0)
-    assert len(lines) == 5
+    t_s, lines = plots.lines(NAMES[0], 60.0)
+    assert list(lines) == [0, 1, 2, 3, 4]
     assert 100 < len(t_s) <= 400
     assert t_s[0] >= -60
     assert np.all(np.diff(t_s) > 0)
     assert lines[1][-1] == pytest.approx(1e3 * moment(0, 0.5 + 0.0001 * 1498).node_m[31, 2], abs=0.5)
+
+
+def test_a_plotted_line_stays_level_where_nothing_is_known() -> None:
+    plots = Plots(LAYOUT, thins=False)
+    for k in range(30):
+        shown = moment(0.1 * k)
+        shown.node_m[LAYOUT.slices[1]] = np.nan if k < 5 or 10 <= k < 20 else k
+        shown.node_m[LAYOUT.slices[2]] = np.nan
+        plots.add(shown)
+    t_s, lines = plots.lines(NAMES[0], None)
+    assert list(lines) == [0, 1, 3, 4]
+    assert len(t_s) == 30
+    assert lines[1][:5] == pytest.approx(5000.0)
+    assert lines[1][10:20] == pytest.approx(9000.0)
+    assert plots.lines(NAMES[2], None)[1] == {}

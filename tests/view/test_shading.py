@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ribbonhost import wire
 from ribbonhost.reconstruct import comb_uncertainty, tube_radius_m
 from ribbonhost.view.shading import BANDS, CURVATURE, HEIGHT, Scale, node_curvature_per_m, node_error_m
 from ribbonhost.view.shading import node_radius_m as radius_m
@@ -20,14 +19,14 @@ def test_the_curvature_of_a_cylinder_is_one_over_its_radius() -> None:
 def test_the_radius_at_nodes_is_that_of_the_uncertainty_of_the_comb() -> None:
     shown = moment(quality=7)
     assert shown.comb is not None
-    sigma_rad = wire.sigma_rad(shown.quality).reshape(5, 16)
+    sigma_rad = shown.sigma_rad.reshape(5, 16)
     whole = comb_uncertainty(COMB, shown.comb, shown.q_world_node.reshape(5, 16, 4), sigma_rad)
     assert radius_m(LAYOUT, shown) == pytest.approx(tube_radius_m(whole.node_m2).ravel(), rel=1e-9)
 
 
 def test_an_unknown_sigma_is_an_unknown_radius_of_its_ribbon_only() -> None:
     shown = moment()
-    shown.quality[LAYOUT.slices[2]] = wire.SIGMA_UNKNOWN
+    shown.sigma_rad[LAYOUT.slices[2]] = np.nan
     known = np.isfinite(radius_m(LAYOUT, shown)).reshape(5, 16)
     assert known.all(axis=1).tolist() == [True, True, False, True, True]
 

@@ -38,7 +38,7 @@ def test_each_part_of_a_tube_belongs_to_one_node() -> None:
 def test_invalid_nodes_are_directed_as_their_neighbours() -> None:
     shown = moment(radius_m=0.4)
     true = shown.q_world_node.copy()
-    shown.valid[[20, 37]] = False
+    shown.known[[20, 37]] = False
     shown.q_world_node[[20, 37]] = np.nan
     q = shown.bridged(LAYOUT)
     same = np.abs(np.einsum("ni,ni->n", q, true))

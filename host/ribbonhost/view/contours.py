@@ -43,26 +43,25 @@ class Cutter:
         self._edges = edges
         self._edge = which.reshape(-1, 3)
 
-    def whole(self, there: NDArray[np.bool_]) -> Cut:
-        """One band of all triangles whose vertices are there (V,)."""
-        faces = self._triangles[there[self._triangles].all(axis=1)]
-        return self._cut(faces, np.zeros(len(faces), np.int64), 1, np.zeros(self._vertex_count), 1)
-
-    def cut(self, level: NDArray[np.float64], bands: int) -> Cut:
+    def cut(self, level: NDArray[np.float64], there: NDArray[np.bool_], bands: int) -> Cut:
         """Band k holds what lies between the levels k and k + 1; beyond the ends counts as the end.
 
-        level: (V,) value in units of a band; triangles with a vertex that is NaN are left out.
+        level: (V,) value in units of a band, NaN where it is not known. there: (V,) which vertices there
+        are. A last band, number `bands`, holds the triangles that are there without a value.
         """
         level = np.clip(level, 0.0, bands - 1e-6)
-        triangles, edge = self._triangles, self._edge
-        there = np.isfinite(level[triangles]).all(axis=1)
-        triangles, edge = triangles[there], edge[there]
+        triangles = self._triangles
+        whole = np.all(there[triangles], axis=1)
+        known = whole & np.isfinite(level[triangles]).all(axis=1)
+        unknown = triangles[whole & ~known]
+        triangles, edge = triangles[known], self._edge[known]
         values = level[triangles]
-        low, high = np.floor(values.min(axis=1)), np.floor(values.max(axis=1))
+        low, high = np.floor(values.min(axis=1, initial=bands)), np.floor(values.max(axis=1, initial=0))
         inside = low == high
-        faces, band = [triangles[inside]], [low[inside].astype(np.int64)]
+        faces = [triangles[inside], unknown]
+        band = [low[inside].astype(np.int64), np.full(len(unknown), bands)]
         self._split(triangles[~inside], edge[~inside], values[~inside], bands, faces, band)
-        return self._cut(np.concatenate(faces), np.concatenate(band), bands, level, bands)
+        return self._cut(np.concatenate(faces), np.concatenate(band), level, bands)
 
     def _split(
         self,
@@ -124,25 +123,23 @@ class Cutter:
         faces.append(pieces[real])
         band.append(np.tile(k, 3)[real])
 
-    def _cut(
-        self, faces: Int64, band: Int64, bands: int, level: NDArray[np.float64], level_count: int
-    ) -> Cut:
-        size = self._vertex_count + len(self._edges) * (level_count + 1)
+    def _cut(self, faces: Int64, band: Int64, level: NDArray[np.float64], bands: int) -> Cut:
+        size = self._vertex_count + len(self._edges) * (bands + 1)
         order = np.argsort(band, kind="stable")
         faces, band = faces[order], band[order]
         names, which = np.unique(faces + band[:, None] * size, return_inverse=True)
         which = which.reshape(-1, 3)
         name, owner = names % size, names // size
         on_edge = np.maximum(name - self._vertex_count, 0)
-        edge, at = on_edge // (level_count + 1), on_edge % (level_count + 1)
+        edge, at = on_edge // (bands + 1), on_edge % (bands + 1)
         is_cut = np.flatnonzero(name >= self._vertex_count)
         a, b = name, self._edges[edge[is_cut], 1]
         a[is_cut] = self._edges[edge[is_cut], 0]
         from_level, to_level = level[a[is_cut]], level[b]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.nan_to_num((at[is_cut] - from_level) / (to_level - from_level))
-        starts = np.searchsorted(owner, np.arange(bands + 1))
-        at_face = np.searchsorted(band, np.arange(bands + 1))
+        starts = np.searchsorted(owner, np.arange(bands + 2))
+        at_face = np.searchsorted(band, np.arange(bands + 2))
         return Cut(
             a,
             is_cut,
@@ -153,6 +150,6 @@ class Cutter:
                     slice(int(starts[k]), int(starts[k + 1])),
                     (which[at_face[k] : at_face[k + 1]] - starts[k]).astype(np.uint32),
                 )
-                for k in range(bands)
+                for k in range(bands + 1)
             ),
         )

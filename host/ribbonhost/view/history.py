@@ -29,7 +29,9 @@ class History:
         # full, not zeros: pages that are first touched later would look like a leak.
         self._t_s = np.full(capacity, np.nan)
         self._q = np.full((capacity, nodes, 4), 1, np.int16)
+        self._known = np.full((capacity, nodes), True)
         self._valid = np.full((capacity, nodes), True)
+        self._sigma_rad = np.full((capacity, nodes), np.nan, np.float16)
         self._quality = np.full((capacity, nodes), 1, np.uint8)
         self._off_m = np.full((capacity if truth else 0, nodes, 3), np.nan, np.float16)
 
@@ -44,7 +46,7 @@ class History:
 
     def add(self, moment: Moment) -> None:
         """Keeps a moment that is later than all before."""
-        arrays = [self._t_s, self._q, self._valid, self._quality]
+        arrays = [self._t_s, self._q, self._known, self._valid, self._sigma_rad, self._quality]
         if len(self._off_m):
             arrays.append(self._off_m)
         with self._lock:
@@ -53,7 +55,8 @@ class History:
                 return
             self._t_s[place] = moment.t_s
             self._q[place] = np.rint(np.nan_to_num(moment.q_world_node) * UNIT)
-            self._valid[place] = moment.valid
+            self._known[place], self._valid[place] = moment.known, moment.valid
+            self._sigma_rad[place] = moment.sigma_rad
             self._quality[place] = moment.quality
             if len(self._off_m):
                 self._off_m[place] = np.nan if moment.truth_m is None else moment.truth_m - moment.node_m
@@ -66,12 +69,13 @@ class History:
             place = self._ring.place(max(self._index(t_s), 0))
             when_s = float(self._t_s[place])
             q = self._q[place] / UNIT
-            valid, quality = self._valid[place].copy(), self._quality[place].copy()
+            known, valid = self._known[place].copy(), self._valid[place].copy()
+            sigma_rad, quality = self._sigma_rad[place].astype(np.float64), self._quality[place].copy()
             off_m = self._off_m[place].astype(np.float64) if len(self._off_m) else None
         length = np.linalg.norm(q, axis=-1, keepdims=True)
         q = np.where(length > 0.5, q / np.maximum(length, 0.5), (1.0, 0.0, 0.0, 0.0))
         with self._solving:
-            moment = self._solver.solve(when_s, q, valid, quality)
+            moment = self._solver.solve(when_s, q, known, valid, sigma_rad, quality)
         return moment if off_m is None else replace(moment, truth_m=moment.node_m + off_m)
 
     def _index(self, t_s: float) -> int:

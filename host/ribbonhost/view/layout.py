@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ribbonhost.pipeline.arrangement import Arrangement
+from ribbonhost.pipeline.solving import Solved
 from ribbonhost.reconstruct import CombFrame, CombLayout, CombSolver, RibbonSolver, bridge, node_arc_lengths
 from ribbonhost.reconstruct.comb import Method
 
@@ -79,34 +80,38 @@ def layout_of(arrangement: Arrangement) -> Layout:
 class Moment:
     """All nodes at one moment.
 
-    t_s: when. q_world_node: (N, 4) unit. valid: (N,). quality: (N,) uint8 as on the wire.
+    t_s: when. q_world_node: (N, 4) unit. known: (N,) which of them mean something; valid: (N,) as the
+    devices said. sigma_rad: (N,) of the orientations, NaN where not known. quality: (N,) as on the wire.
     node_m: (N, 3) metres, as shown. anchor_m: (ribbons, 3). truth_m: (N, 3), None where it is not known.
-    comb: the whole frame of a comb.
+    comb: the whole frame of a comb. parts: the results that it was made of; none if it was kept.
     """
 
     t_s: float
     q_world_node: Float64
+    known: Bool
     valid: Bool
+    sigma_rad: Float64
     quality: NDArray[np.uint8]
     node_m: Float64
     anchor_m: Float64
     truth_m: Float64 | None = None
     comb: CombFrame | None = None
+    parts: tuple[Solved, ...] = ()
 
     def there(self, layout: Layout) -> Bool:
-        """(N,) nodes of ribbons of which any node is valid."""
-        return np.concatenate([np.full(n, self.valid[at].any()) for at, n in _ribbons(layout)])
+        """(N,) nodes of ribbons of which any node is known."""
+        return np.concatenate([np.full(n, self.known[at].any()) for at, n in _ribbons(layout)])
 
     def bridged(self, layout: Layout) -> Float64:
-        """(N, 4) orientations with those of invalid nodes from their neighbours."""
-        if self.valid.all():
+        """(N, 4) orientations with those of unknown nodes from their neighbours."""
+        if self.known.all():
             return self.q_world_node
         q = self.q_world_node.copy()
         for at, s_m in zip(layout.slices, layout.node_s_m, strict=True):
-            if not self.valid[at].any():
+            if not self.known[at].any():
                 q[at] = (1.0, 0.0, 0.0, 0.0)
-            elif not self.valid[at].all():
-                q[at] = bridge(s_m, q[at], self.valid[at]).q_world_node
+            elif not self.known[at].all():
+                q[at] = bridge(s_m, q[at], self.known[at]).q_world_node
         return q
 
 
@@ -126,17 +131,25 @@ class Solver:
             else [RibbonSolver(p, n, method) for p, n in zip(layout.pitch_m, layout.node_counts, strict=True)]
         )
 
-    def solve(self, t_s: float, q_world_node: Float64, valid: Bool, quality: NDArray[np.uint8]) -> Moment:
-        """The moment; positions of ribbons without a valid node are NaN."""
+    def solve(
+        self,
+        t_s: float,
+        q_world_node: Float64,
+        known: Bool,
+        valid: Bool,
+        sigma_rad: Float64,
+        quality: NDArray[np.uint8],
+    ) -> Moment:
+        """The moment of these, see there; positions of ribbons of which nothing is known are NaN."""
         layout = self._layout
         if self._comb:
             shape = (len(layout.labels), layout.node_counts[0])
-            frame = self._comb.solve(q_world_node.reshape(*shape, 4), valid.reshape(shape))
-            node_m = frame.node_m.reshape(-1, 3)
-            return Moment(t_s, q_world_node, valid, quality, node_m, frame.anchor_m, comb=frame)
+            frame = self._comb.solve(q_world_node.reshape(*shape, 4), known.reshape(shape))
+            node_m, anchor_m = frame.node_m.reshape(-1, 3), frame.anchor_m
+            return Moment(t_s, q_world_node, known, valid, sigma_rad, quality, node_m, anchor_m, comb=frame)
         node_m = np.full((layout.node_count, 3), np.nan)
         origins = layout.origin_m
         for solver, nodes, origin in zip(self._ribbons, layout.slices, origins, strict=True):
-            if valid[nodes].any():
-                node_m[nodes] = origin + solver.solve(q_world_node[nodes], valid[nodes])
-        return Moment(t_s, q_world_node, valid, quality, node_m, origins)
+            if known[nodes].any():
+                node_m[nodes] = origin + solver.solve(q_world_node[nodes], known[nodes])
+        return Moment(t_s, q_world_node, known, valid, sigma_rad, quality, node_m, origins)

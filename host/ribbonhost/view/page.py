@@ -10,7 +10,7 @@ import viser.uplot
 from numpy.typing import NDArray
 
 from ribbonhost.errors import RibbonError
-from ribbonhost.view.layout import Layout
+from ribbonhost.view.layout import Float64, Layout
 from ribbonhost.view.playhead import Playhead
 from ribbonhost.view.plots import NAMES, WINDOW_S, Plots
 from ribbonhost.view.settings import SURFACES, Settings
@@ -21,12 +21,15 @@ LINES = ("#f0f0f4", "#ffb000", "#fe6100", "#dc267f", "#785ef0", "#648fff", "#2ec
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 VIEWS: dict[str, tuple[float, float, float]] = {
-    "overview": (0.62, -0.95, 0.62),
-    "top": (0.0, -0.02, 1.35),
-    "front": (0.0, -1.35, 0.1),
-    "side": (1.35, 0.0, 0.1),
+    "overview": (1.0, -1.5, 1.05),
+    "top": (0.0, -0.02, 2.2),
+    "front": (0.0, -2.2, 0.15),
+    "side": (2.2, 0.0, 0.15),
 }
 """Where the camera stands, from the middle of the picture, in lengths of a ribbon."""
+
+FIELD_OF_VIEW_RAD = 0.75
+"""Up and down; wider would bend what is near."""
 
 RECORD, STOP = "Record", "Stop recording"
 PAUSE = "pause / play"
@@ -62,6 +65,8 @@ class Page:
         centre_m: Callable[[], NDArray[np.float64]],
     ) -> None:
         self.settings = Settings()
+        self._plotted: tuple[int, ...] = ()
+        self._plot: viser.GuiUplotHandle | None = None
         self._server = server
         self._layout = layout
         self._playhead = playhead
@@ -86,6 +91,7 @@ class Page:
         """Moves the camera of one browser."""
         centre = self._centre_m()
         with client.atomic():
+            client.camera.fov = FIELD_OF_VIEW_RAD
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position = centre + self._layout.length_m * np.array(VIEWS[view])
             client.camera.look_at = centre
@@ -116,8 +122,29 @@ class Page:
             slider.value = position_s  # type: ignore[misc]  # a property whose setter mypy does not find
 
     def show_plot(self) -> None:
-        """Draws the lines anew."""
-        self._plot.data = self._plots.lines(self._quantity.value, self._window_s)
+        """Draws the lines anew; the plot is made anew when other ribbons have values."""
+        t_s, lines = self._plots.lines(self._quantity.value, self._window_s)
+        data, shown = (t_s, *lines.values()), tuple(lines)
+        with self._server.atomic():
+            if shown == self._plotted and self._plot:
+                self._plot.data = data
+                return
+            if self._plot:
+                self._plot.remove()
+            self._plotted, self._plot = shown, None
+            if shown:
+                with self._plot_tab:
+                    self._plot = self._make_plot(data, shown)
+
+    def _make_plot(self, data: tuple[Float64, ...], ribbons: Sequence[int]) -> viser.GuiUplotHandle:
+        labels = self._layout.labels
+        series = [viser.uplot.Series(label="s")] + [
+            viser.uplot.Series(label=labels[k], stroke=LINES[k % len(LINES)], width=1.5) for k in ribbons
+        ]
+        axis = viser.uplot.Axis(stroke="#c8ccd4", grid={"stroke": "#3a3f4a", "width": 1})
+        return self._server.gui.add_uplot(
+            data, tuple(series), scales={"x": viser.uplot.Scale(time=False)}, axes=(axis, axis), aspect=1.5
+        )
 
     @property
     def _window_s(self) -> float | None:
@@ -222,21 +249,10 @@ class Page:
         panel.dock_left()
         panel.set_width(430)
         below = gui.add_panel()
-        with below.add_tab("Plots", viser.Icon.CHART_LINE):
+        self._plot_tab = below.add_tab("Plots", viser.Icon.CHART_LINE)
+        with self._plot_tab:
             names = [name for name in NAMES if truth or "error" not in name]
             self._quantity = gui.add_dropdown("of each ribbon", names)
-            series = [viser.uplot.Series(label="s")] + [
-                viser.uplot.Series(label=label, stroke=LINES[k % len(LINES)], width=1.5)
-                for k, label in enumerate(self._layout.labels)
-            ]
-            axis = viser.uplot.Axis(stroke="#c8ccd4", grid={"stroke": "#3a3f4a", "width": 1})
-            self._plot = gui.add_uplot(
-                self._plots.lines(self._quantity.value, None),
-                tuple(series),
-                scales={"x": viser.uplot.Scale(time=False)},
-                axes=(axis, axis),
-                aspect=1.5,
-            )
         below.dock_below(panel)
 
         @self._quantity.on_update

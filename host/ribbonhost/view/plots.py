@@ -72,8 +72,11 @@ class Plots:
                 self._t_s[place] = moment.t_s
                 self._values[place] = np.concatenate([measured, self._reported])
 
-    def lines(self, name: str, window_s: float | None) -> tuple[Float64, ...]:
-        """Times, and the values of each ribbon at them; at most POINTS. window_s: the last seconds."""
+    def lines(self, name: str, window_s: float | None) -> tuple[Float64, dict[int, Float64]]:
+        """Times, and the values of each ribbon that has any; at most POINTS of each, none of them NaN.
+
+        window_s: the last seconds. Where a ribbon has no value, its line stays where it was.
+        """
         with self._lock:
             places = self._ring.places()
             t_s, values = self._t_s[places], self._values[places, NAMES.index(name)].astype(np.float64)
@@ -81,6 +84,14 @@ class Plots:
             recent = t_s > t_s[-1] - window_s
             t_s, values = t_s[recent] - t_s[-1], values[recent]
         step = max(1, math.ceil(len(t_s) / POINTS))
+        t_s, values = t_s[::step], values[::step]
         if len(t_s) < 2:
-            t_s, values = np.array([0.0, 1.0]), np.full((2, len(self._layout.labels)), np.nan)
-        return (t_s[::step], *np.ascontiguousarray(values[::step].T))
+            return np.array([0.0, 1.0]), {}
+        return t_s, {ribbon: _held(line) for ribbon, line in enumerate(values.T) if np.isfinite(line).any()}
+
+
+def _held(line: Float64) -> Float64:
+    """NaN replaced by the value before, or at the begin by the first."""
+    known = np.flatnonzero(np.isfinite(line))
+    before = np.searchsorted(known, np.arange(len(line)), side="right") - 1
+    return line[known[np.maximum(before, 0)]]

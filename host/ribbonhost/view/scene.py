@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ribbonhost.view.layout import Layout, Moment
 from ribbonhost.view.settings import SURFACES, Settings
-from ribbonhost.view.shading import BANDS, COLOURS, PLAIN, QUANTITIES, Scale, node_radius_m
+from ribbonhost.view.shading import COLOURS, PLAIN, QUANTITIES, Scale, node_radius_m
 from ribbonhost.view.surface import Kind, Surface
 from ribbonhost.view.tubes import Tubes
 
@@ -38,7 +38,7 @@ class Scene:
         self._server = server
         self._tubes = Tubes(layout)
         self._surface = Surface(layout) if layout.comb else None
-        self._shown_valid: NDArray[np.bool_] | None = None
+        self._shown_known: NDArray[np.bool_] | None = None
         self._radius_m = np.zeros(layout.node_count)
         self._floor_m = np.inf
         scene = server.scene
@@ -52,7 +52,7 @@ class Scene:
         scene.add_light_hemisphere(
             "/light/sky", sky_color=(214, 228, 255), ground_color=(70, 66, 60), intensity=0.6
         )
-        self._bands = [self._mesh(f"/surface/{k}", COLOURS[k]) for k in range(BANDS)]
+        self._bands = [self._mesh(f"/surface/{k}", colour) for k, colour in enumerate((*COLOURS, PLAIN))]
         self._ribbons = self._mesh("/ribbons/measured", RIBBON)
         self._bridged = self._mesh("/ribbons/bridged", BRIDGED)
         self._regions = self._mesh("/ribbons/uncertainty", REGION, opacity=0.28)
@@ -96,7 +96,7 @@ class Scene:
 
     def show(self, moment: Moment, settings: Settings, *, refresh: bool) -> None:
         """Shows a moment. refresh: also what changes slowly: colours, uncertainty, names."""
-        refresh |= self._shown_valid is None or not np.array_equal(self._shown_valid, moment.valid)
+        refresh |= self._shown_known is None or not np.array_equal(self._shown_known, moment.known)
         q = moment.bridged(self._layout)
         there = moment.there(self._layout)
         with self._server.atomic():
@@ -113,23 +113,23 @@ class Scene:
             if settings.truth and moment.truth_m is not None:
                 truth_m = moment.truth_m.astype(np.float32)
                 self._truth.points = np.stack([truth_m[self._inner], truth_m[self._inner + 1]], 1)
-        self._shown_valid = moment.valid
+        self._shown_known = moment.known
 
     def _refresh(self, moment: Moment, settings: Settings, there: NDArray[np.bool_]) -> None:
         self._nodes.visible = settings.nodes
         self._frames.visible = settings.frames
         self._truth.visible = settings.truth and moment.truth_m is not None
         self._regions.visible = settings.uncertainty
-        measured, bridged = moment.valid & there, ~moment.valid & there
+        measured, bridged = moment.known & there, ~moment.known & there
         for mesh, nodes, wanted in (
             (self._ribbons, measured, settings.ribbons),
             (self._bridged, bridged, settings.ribbons),
             (self._regions, there, settings.uncertainty),
         ):
             mesh.visible = wanted and bool(nodes.any())
-            if self._shown_valid is None or not np.array_equal(self._shown_valid, moment.valid):
+            if self._shown_known is None or not np.array_equal(self._shown_known, moment.known):
                 mesh.faces = self._tubes.faces(nodes) if nodes.any() else _NO_FACES
-        colours = np.where(moment.valid[:, None], NODE, NODE_INVALID).astype(np.uint8)
+        colours = np.where(moment.known[:, None], NODE, NODE_INVALID).astype(np.uint8)
         self._nodes.batched_colors = colours
         if settings.uncertainty:
             self._radius_m = np.nan_to_num(node_radius_m(self._layout, moment))
@@ -166,12 +166,10 @@ class Scene:
                 self.scale = Scale(quantity)
             self._cut = self._surface.cut(moment, kind, self.scale)
         points = self._cut.points(self._surface.vertices(moment, kind).reshape(-1, 3))
-        for k, mesh in enumerate(self._bands):
-            at, faces = self._cut.bands[k] if k < len(self._cut.bands) else (slice(0, 0), _NO_FACES)
+        for mesh, (at, faces) in zip(self._bands, self._cut.bands, strict=True):
             if refresh:
                 mesh.visible = at.stop > at.start
                 mesh.flat_shading = kind == "nodes"
-                mesh.color = COLOURS[k] if self.scale else PLAIN
             if at.stop > at.start:
                 mesh.vertices = points[at]
                 if refresh:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ribbonhost import wire
 from ribbonhost.reconstruct import ribbon_covariance, tube_radius_m
 from ribbonhost.view.layout import Float64, Layout, Moment
 
@@ -19,9 +18,6 @@ COLOURS = (
 BANDS = len(COLOURS)
 PLAIN = (150, 178, 214)
 
-TOP_SHARE = 0.97
-"""Of the values fit on a scale; where a surface folds, single ones are huge."""
-
 SHRINK_BELOW = 0.35
 """A scale becomes finer when nothing reaches this share of it."""
 
@@ -29,33 +25,40 @@ SHRINK_BELOW = 0.35
 def node_radius_m(layout: Layout, moment: Moment) -> Float64:
     """(N,) longest semi-axis of the region that holds a node with 95 % probability; NaN if not known.
 
-    From the devices' own sigma of each orientation. In a comb, the ribbon's start carries the error of the
-    reference.
+    As the estimate of motion says; without one, from the sigma of each orientation. In a comb, the ribbon's
+    start carries the error of the reference.
     """
-    sigma_rad = wire.sigma_rad(moment.quality)
-    usable = moment.valid & np.isfinite(sigma_rad)
-    covariance = np.full((layout.node_count, 3, 3), np.nan)
-    for at, s_m in zip(layout.slices, layout.node_s_m, strict=True):
-        if usable[at].any():
-            covariance[at] = ribbon_covariance(
-                s_m, moment.q_world_node[at], np.nan_to_num(sigma_rad[at]), usable[at]
-            )
-    if layout.comb:
-        at, s_m = layout.slices[0], layout.node_s_m[0]
-        if not usable[at].any():
-            return np.full(layout.node_count, np.nan)
-        start = ribbon_covariance(
-            s_m,
-            moment.q_world_node[at],
-            np.nan_to_num(sigma_rad[at]),
-            usable[at],
-            at_s_m=np.array(layout.comb.start_m),
-        )
-        covariance[at.stop :] += np.repeat(start, layout.node_counts[0], axis=0)
+    covariance = _covariance_m2(layout, moment)
+    for part in moment.parts:
+        if part.motion:
+            estimated = part.motion.position_covariance_m2
+            nodes = np.concatenate([np.arange(layout.node_count)[layout.slices[k]] for k in part.places])
+            flat = estimated.reshape(-1, 3, 3)
+            has_any = np.isfinite(flat).all(axis=(1, 2))
+            covariance[nodes[has_any]] = flat[has_any]
     radius = np.full(layout.node_count, np.nan)
     known = np.isfinite(covariance).all(axis=(1, 2))
     radius[known] = tube_radius_m(covariance[known])
     return radius
+
+
+def _covariance_m2(layout: Layout, moment: Moment) -> Float64:
+    """(N, 3, 3) of the nodes' positions from the sigma of their orientations; NaN if not known."""
+    usable = moment.known & np.isfinite(moment.sigma_rad)
+    sigma_rad = np.nan_to_num(moment.sigma_rad)
+    covariance = np.full((layout.node_count, 3, 3), np.nan)
+    for at, s_m in zip(layout.slices, layout.node_s_m, strict=True):
+        if usable[at].any():
+            covariance[at] = ribbon_covariance(s_m, moment.q_world_node[at], sigma_rad[at], usable[at])
+    if layout.comb is None:
+        return covariance
+    at, s_m = layout.slices[0], layout.node_s_m[0]
+    if not usable[at].any():
+        return np.full_like(covariance, np.nan)
+    starts = np.array(layout.comb.start_m)
+    start = ribbon_covariance(s_m, moment.q_world_node[at], sigma_rad[at], usable[at], at_s_m=starts)
+    covariance[at.stop :] += np.repeat(start, layout.node_counts[0], axis=0)
+    return covariance
 
 
 def node_error_m(moment: Moment) -> Float64:
@@ -74,17 +77,23 @@ def node_curvature_per_m(layout: Layout, moment: Moment) -> Float64:
     out = np.full(layout.node_count, np.nan)
     if layout.comb is None or moment.comb is None:
         return out
-    along, across = moment.comb.along, moment.comb.transversal
+    there = np.isfinite(moment.comb.along).all(axis=(1, 2))
+    if np.count_nonzero(there) < 2:
+        return out
+    along, across, twist = (
+        array[there] for array in (moment.comb.along, moment.comb.transversal, moment.comb.twist)
+    )
     along_along = np.gradient(along, layout.comb.node_s_m, axis=1)
-    across_across = np.gradient(across, np.array(layout.comb.start_m), axis=0)
+    across_across = np.gradient(across, np.array(layout.comb.start_m)[there], axis=0)
     normal = np.cross(across, along)
     with np.errstate(divide="ignore", invalid="ignore"):
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         e, f, g = _dot(along, along), _dot(along, across), _dot(across, across)
-        k, m, n = (_dot(second, normal) for second in (along_along, moment.comb.twist, across_across))
+        k, m, n = (_dot(second, normal) for second in (along_along, twist, across_across))
         area = e * g - f * f
         mean, gauss = (e * n - 2 * f * m + g * k) / (2 * area), (k * n - m * m) / area
-        out[layout.node_counts[0] :] = (np.abs(mean) + np.sqrt(np.maximum(mean**2 - gauss, 0.0))).ravel()
+        curvature = np.abs(mean) + np.sqrt(np.maximum(mean**2 - gauss, 0.0))
+    out.reshape(len(layout.labels), -1)[1:][there] = curvature
     return out
 
 
@@ -97,8 +106,9 @@ class Quantity:
     """Something to colour by.
 
     name: in the menu and the legend. unit: as shown; factor: units in one SI unit.
-    smallest: the scale is never finer, in the unit. signed: the scale begins at the smallest value, not at 0.
-    of_nodes: (N,) values at nodes, SI.
+    smallest: the scale is never finer, in the unit. of_nodes: (N,) values at nodes, SI.
+    signed: the scale begins at the smallest value, not at 0. share: of the values that fit on the scale; the
+    others have the colour of its end.
     """
 
     name: str
@@ -107,13 +117,15 @@ class Quantity:
     smallest: float
     of_nodes: Callable[[Layout, Moment], Float64]
     signed: bool = False
+    share: float = 0.97
 
 
 PLAIN_COLOUR = "one colour"
 ERROR = Quantity("error", "mm from the true place", 1e3, 0.2, lambda layout, moment: node_error_m(moment))
 SIGMA = Quantity("uncertainty", "mm, 95 %", 1e3, 1.0, node_radius_m)
 HEIGHT = Quantity("height", "mm", 1e3, 10.0, lambda layout, moment: moment.node_m[:, 2], signed=True)
-CURVATURE = Quantity("curvature", "1/m", 1.0, 0.5, node_curvature_per_m)
+CURVATURE = Quantity("curvature", "1/m", 1.0, 0.5, node_curvature_per_m, share=0.85)
+"""Where ribbons nearly meet, the curvature of the surface between them is huge."""
 QUANTITIES = {quantity.name: quantity for quantity in (CURVATURE, HEIGHT, SIGMA, ERROR)}
 
 
@@ -148,8 +160,8 @@ class Scale:
         )
 
     def _adapt(self, shown: Float64) -> None:
-        top = float(np.quantile(shown, TOP_SHARE))
-        bottom = float(np.quantile(shown, 1 - TOP_SHARE)) if self.quantity.signed else 0.0
+        top = float(np.quantile(shown, self.quantity.share))
+        bottom = float(np.quantile(shown, 1 - self.quantity.share)) if self.quantity.signed else 0.0
         span = max(top - bottom, self.quantity.smallest)
         outside = top > self.high + 0.02 * span or (self.quantity.signed and bottom < self.low - 0.02 * span)
         if outside or span < SHRINK_BELOW * (self.high - self.low):

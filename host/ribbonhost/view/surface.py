@@ -66,14 +66,14 @@ class Surface:
         return frame.vertices_m.reshape(-1, 3)[self._place]
 
     def cut(self, moment: Moment, kind: Kind, scale: Scale | None) -> Cut:
-        """The bands of a scale, or one band of all that is there."""
+        """The bands of a scale, and one of all that is there without a value."""
         grid = self._grids[kind]
         points = self.vertices(moment, kind)
         there = np.isfinite(points[..., 0])
-        if scale is None:
-            return grid.cutter.whole(there.ravel())
-        levels = np.where(there, scale.levels(self._values(scale.quantity, moment, kind)), np.nan)
-        return grid.cutter.cut(levels.ravel(), BANDS)
+        levels = np.full(there.shape, np.nan)
+        if scale:
+            levels = scale.levels(self._values(scale.quantity, moment, kind))
+        return grid.cutter.cut(levels.ravel(), there.ravel(), BANDS)
 
     def _values(self, quantity: Quantity, moment: Moment, kind: Kind) -> Float64:
         ribbons = len(self._layout.labels)

@@ -55,6 +55,8 @@ def trouble_table(layout: Layout, places: Sequence[Place], moment: Moment) -> st
             k = at.start + node
             if not moment.valid[k]:
                 why, mark = _why_invalid(place, node), '<span style="color:#ff7043">invalid</span>'
+                if moment.known[k]:
+                    why += "; its orientation is estimated from how the ribbon moves"
             elif doubtful[k]:
                 why, mark = _doubts(int(moment.quality[k])), "doubtful"
             else:

@@ -26,6 +26,7 @@ from ribbonhost.view.page import Page, Recording
 from ribbonhost.view.playhead import Playhead
 from ribbonhost.view.plots import Plots
 from ribbonhost.view.scene import Scene
+from ribbonhost.view.settings import Settings
 from ribbonhost.view.tables import events_list, ribbons_table, trouble_table
 
 HOST = "127.0.0.1"
@@ -128,6 +129,15 @@ class View:
         self._events.append((time.monotonic(), label, what))
 
     @property
+    def settings(self) -> Settings:
+        """What is shown; set `changed` with anything else."""
+        return self._page.settings
+
+    def seek(self, position_s: float) -> None:
+        """Pauses at a position of the slider: seconds of a recording, or before now."""
+        self._playhead.seek(position_s)
+
+    @property
     def browsers(self) -> int:
         """How many look at it."""
         return len(self._server.get_clients())
@@ -210,12 +220,15 @@ class View:
         return Moment(
             match.t_host_s,
             match.q_world_node.reshape(-1, 4),
+            match.known.reshape(-1),
             match.valid.reshape(-1),
+            match.sigma_rad.reshape(-1),
             self._quality.copy(),
             solved.comb.node_m.reshape(-1, 3),
             solved.comb.anchor_m,
             None if solved.truth_m is None else solved.truth_m.reshape(-1, 3),
             solved.comb,
+            (solved,),
         )
 
     def _moment_of_curves(self) -> Moment | None:
@@ -224,16 +237,19 @@ class View:
         if not parts:
             return None
         q = np.tile([1.0, 0.0, 0.0, 0.0], (layout.node_count, 1))
-        valid = np.zeros(layout.node_count, np.bool_)
+        known, valid = np.zeros((2, layout.node_count), np.bool_)
+        sigma_rad = np.full(layout.node_count, np.nan)
         node_m = np.full((layout.node_count, 3), np.nan)
         for ribbon, solved in parts.items():
-            at = layout.slices[ribbon]
-            q[at], valid[at] = solved.match.q_world_node[0], solved.match.valid[0]
+            at, match = layout.slices[ribbon], solved.match
+            q[at], known[at], valid[at] = match.q_world_node[0], match.known[0], match.valid[0]
+            sigma_rad[at] = match.sigma_rad[0]
             node_m[at] = layout.origin_m[ribbon] + solved.node_m[0]
-            for scan in solved.match.scans.values():
+            for scan in match.scans.values():
                 self._quality[at] = scan.quality
         t_s = max(solved.match.t_host_s for solved in parts.values())
-        return Moment(t_s, q, valid, self._quality.copy(), node_m, layout.origin_m)
+        quality, origin_m = self._quality.copy(), layout.origin_m
+        return Moment(t_s, q, known, valid, sigma_rad, quality, node_m, origin_m, parts=tuple(parts.values()))
 
     def _tell(self) -> None:
         page, report = self._page, self._report
