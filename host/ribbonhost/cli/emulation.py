@@ -1,6 +1,6 @@
 """The emulated comb of `ribbonhost stream --emulate`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -28,8 +28,17 @@ class Emulation:
 
 
 @contextmanager
-def emulate(scene: str, *, ribbons: int, seed: int) -> Iterator[Emulation]:
+def emulate(
+    scene: str,
+    *,
+    ribbons: int,
+    seed: int,
+    part_errors: int | None = None,
+    disturb: Sequence[str] = (),
+) -> Iterator[Emulation]:
     """Runs an emulated comb in this process.
+
+    part_errors: seed of what is wrong with the parts; None: nothing is. disturb: what disturbs the field.
 
     Raises UsageError for a scene that cannot be, LinkError where ribbonhil is not installed or built.
     """
@@ -38,7 +47,9 @@ def emulate(scene: str, *, ribbons: int, seed: int) -> Iterator[Emulation]:
         from ribbonhil.emulator import EmulatedComb
     except ImportError as error:
         raise LinkError(f"the emulator cannot be loaded ({error}): run `make setup`") from error
-    with EmulatedComb(scene=scene, ribbons=ribbons, seed=seed) as emulated:
+    with EmulatedComb(
+        scene=scene, ribbons=ribbons, seed=seed, part_errors=part_errors, disturb=";".join(disturb)
+    ) as emulated:
         reference, *others = emulated.serials
         comb = Comb(
             reference,

@@ -60,6 +60,20 @@ class StreamOptions:
         int | None, typer.Option(min=2, max=6, help="Emulated ribbons on the reference.  [default: 5]")
     ] = None
     seed: Annotated[int | None, typer.Option(min=0, help="Of the emulated noise.  [default: 0]")] = None
+    part_errors: Annotated[
+        int | None,
+        typer.Option(
+            min=0, metavar="SEED", help="Emulate parts off the shelf, uncalibrated.  [default: ideal ones]"
+        ),
+    ] = None
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND:...",
+            help="Emulate what disturbs the field: magnet:at=X,Y,Z, beam:from=X,Y,Z:to=X,Y,Z, or "
+            "carried:ribbon=1:slot=9. May be given several times.",
+        ),
+    ] = None
     rate_hz: Annotated[
         int | None,
         typer.Option(

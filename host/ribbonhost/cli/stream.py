@@ -64,7 +64,13 @@ def _stream(
         urls: Sequence[str] = resolve(options.urls or (), baud=options.baud, comb=comb)
         if options.emulate is not None:
             emulation = stack.enter_context(
-                emulate(options.emulate, ribbons=options.ribbons or RIBBONS, seed=options.seed or 0)
+                emulate(
+                    options.emulate,
+                    ribbons=options.ribbons or RIBBONS,
+                    seed=options.seed or 0,
+                    part_errors=options.part_errors,
+                    disturb=options.disturb or (),
+                )
             )
             comb, urls = emulation.comb, emulation.urls
         recorder: Recorder | None = None
@@ -180,7 +186,12 @@ def _checked(options: StreamOptions) -> tuple[Comb | None, Method, MotionMode]:
         if options.urls or options.comb:
             raise UsageError("--emulate brings its own ribbons and comb: give it without ports and --comb")
         return None, method, motion
-    for name, value in (("--ribbons", options.ribbons), ("--seed", options.seed)):
+    for name, value in (
+        ("--ribbons", options.ribbons),
+        ("--seed", options.seed),
+        ("--part-errors", options.part_errors),
+        ("--disturb", options.disturb or None),
+    ):
         if value is not None:
             raise UsageError(f"{name} is for --emulate only")
     if not options.urls:
