@@ -49,6 +49,7 @@ struct rcc_registers {
 #define RCC_AHB1ENR_GPIOBEN  (1u << 1)
 #define RCC_AHB1ENR_GPIOCEN  (1u << 2)
 #define RCC_AHB1ENR_DMA1EN   (1u << 21)
+#define RCC_AHB1ENR_DMA2EN   (1u << 22)
 #define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_USART2EN (1u << 17)
 #define RCC_APB1ENR_USART3EN (1u << 18)
@@ -123,16 +124,16 @@ struct spi_registers {
 };
 #define SPI1 ((struct spi_registers *)0x40013000u)
 
-#define SPI_CR1_CPHA  (1u << 0)
-#define SPI_CR1_CPOL  (1u << 1)
-#define SPI_CR1_MSTR  (1u << 2)
-#define SPI_CR1_BR(b) ((uint32_t)(b) << 3)
-#define SPI_CR1_SPE   (1u << 6)
-#define SPI_CR1_SSI   (1u << 8)
-#define SPI_CR1_SSM   (1u << 9)
-#define SPI_SR_RXNE   (1u << 0)
-#define SPI_SR_TXE    (1u << 1)
-#define SPI_SR_BSY    (1u << 7)
+#define SPI_CR1_CPHA    (1u << 0)
+#define SPI_CR1_CPOL    (1u << 1)
+#define SPI_CR1_MSTR    (1u << 2)
+#define SPI_CR1_BR(b)   ((uint32_t)(b) << 3)
+#define SPI_CR1_SPE     (1u << 6)
+#define SPI_CR1_SSI     (1u << 8)
+#define SPI_CR1_SSM     (1u << 9)
+#define SPI_CR2_RXDMAEN (1u << 0)
+#define SPI_CR2_TXDMAEN (1u << 1)
+#define SPI_SR_BSY      (1u << 7)
 
 /* ---- USART */
 
@@ -176,6 +177,7 @@ struct dma_registers {
     struct dma_stream_registers S[8];
 };
 #define DMA1 ((struct dma_registers *)0x40026000u)
+#define DMA2 ((struct dma_registers *)0x40026400u)
 
 #define DMA_SxCR_EN                (1u << 0)
 #define DMA_SxCR_TEIE              (1u << 2)
@@ -183,6 +185,12 @@ struct dma_registers {
 #define DMA_SxCR_DIR_TO_PERIPHERAL (1u << 6)
 #define DMA_SxCR_MINC              (1u << 10)
 #define DMA_SxCR_CHSEL(c)          ((uint32_t)(c) << 25)
+#define DMA_LISR_TCIF0             (1u << 5)
+#define DMA_LIFCR_CFEIF0           (1u << 0)
+#define DMA_LIFCR_CDMEIF0          (1u << 2)
+#define DMA_LIFCR_CTEIF0           (1u << 3)
+#define DMA_LIFCR_CHTIF0           (1u << 4)
+#define DMA_LIFCR_CTCIF0           (1u << 5)
 #define DMA_LISR_TEIF3             (1u << 25)
 #define DMA_LISR_TCIF3             (1u << 27)
 #define DMA_LIFCR_CFEIF3           (1u << 22)

@@ -106,9 +106,12 @@ struct usart {
     uint8_t shift, tx, rx;
 };
 
-struct dma_stream {
-    uint32_t cr, ndtr, par, m0ar, fcr;
-    uint32_t moved;
+struct dma {
+    struct dma_stream {
+        uint32_t cr, ndtr, par, m0ar, fcr;
+        uint32_t moved;
+    } stream[8];
+    uint32_t flags[2];
 };
 
 struct timer {
@@ -194,8 +197,7 @@ struct mcu {
     struct gpio gpio[3];
     struct spi spi;
     struct usart usart;
-    struct dma_stream dma[8];
-    uint32_t dma_flags[2];
+    struct dma dma[2];
     struct timer timer[4];
     struct iwdg iwdg;
     struct adc adc;
@@ -281,6 +283,8 @@ uint8_t string_transfer(struct mcu *mcu, uint64_t end, uint8_t mosi);
 void spi_reset(struct mcu *mcu);
 uint32_t spi_read(struct mcu *mcu, unsigned instance, uint32_t offset);
 void spi_write(struct mcu *mcu, unsigned instance, uint32_t offset, uint32_t value);
+void spi_serve_dma(struct mcu *mcu, uint64_t at); /* a byte each way, if DMA has one and takes one */
+void spi_finish(struct mcu *mcu); /* lets whoever polls wait for the end of what DMA has for it */
 
 void usart_reset(struct mcu *mcu);
 uint32_t usart_read(struct mcu *mcu, unsigned instance, uint32_t offset);
@@ -296,7 +300,10 @@ void dma_reset(struct mcu *mcu);
 uint32_t dma_read(struct mcu *mcu, unsigned instance, uint32_t offset);
 void dma_write(struct mcu *mcu, unsigned instance, uint32_t offset, uint32_t value);
 void dma_serve_usart(struct mcu *mcu);
-uint32_t dma_left(const struct mcu *mcu); /* bytes that the link's stream has still to move */
+uint32_t dma_left(const struct mcu *mcu);          /* bytes that the link's stream has still to move */
+bool dma_take_spi(struct mcu *mcu, uint8_t *byte); /* the next byte for SPI1; false if there is none */
+bool dma_give_spi(struct mcu *mcu, uint8_t byte);  /* from SPI1; false if no stream takes it */
+uint32_t dma_left_of_spi(const struct mcu *mcu);   /* bytes that SPI1 has still to be given */
 
 void timers_reset(struct mcu *mcu);
 uint32_t timers_count(const struct mcu *mcu, unsigned instance);

@@ -48,6 +48,7 @@ static const struct peripheral PERIPHERALS[] = {
     {0x40023800u, rcc_read, rcc_write, 0, GATE_NONE, 0},
     {0x40023C00u, flash_read, flash_write, 0, GATE_NONE, 0},
     {0x40026000u, dma_read, dma_write, 0, GATE_AHB1, 21},
+    {0x40026400u, dma_read, dma_write, 1, GATE_AHB1, 22},
 };
 
 /* The peripheral at an address, or a null pointer: none is there, or it has no clock. */

@@ -1,4 +1,5 @@
-/* SPI1 as a master that polls (RM0090, 28): a shift register with one byte of buffer each way. */
+/* SPI1 as a master, polled or served by DMA (RM0090, 28): a shift register with one byte of buffer each way.
+ */
 #include "machine.h"
 
 enum { CR1 = 0x00, CR2 = 0x04, SR = 0x08, DR = 0x0C };
@@ -11,6 +12,8 @@ enum { CR1 = 0x00, CR2 = 0x04, SR = 0x08, DR = 0x0C };
 #define CR1_SSI      (1u << 8)
 #define CR1_SSM      (1u << 9)
 #define CR1_DFF      (1u << 11)
+#define CR2_RXDMAEN  (1u << 0)
+#define CR2_TXDMAEN  (1u << 1)
 #define SR_RXNE      (1u << 0)
 #define SR_TXE       (1u << 1)
 #define SR_OVR       (1u << 6)
@@ -39,6 +42,18 @@ static void start(struct mcu *mcu, uint64_t at, uint8_t byte) {
     spi->shift_in = string_transfer(mcu, spi->shift_end, byte);
 }
 
+void spi_serve_dma(struct mcu *mcu, uint64_t at) {
+    struct spi *const spi = &mcu->spi;
+    uint8_t byte;
+    if (spi->rx_full && (spi->cr2 & CR2_RXDMAEN) != 0 && dma_give_spi(mcu, spi->rx)) {
+        spi->rx_full = false;
+    }
+    if (!spi->shifting && (spi->cr2 & CR2_TXDMAEN) != 0 && (spi->cr1 & CR1_SPE) != 0 &&
+        dma_take_spi(mcu, &byte)) {
+        start(mcu, at, byte);
+    }
+}
+
 static void catch_up(struct mcu *mcu) {
     struct spi *const spi = &mcu->spi;
     while (spi->shifting && spi->shift_end <= mcu->now) {
@@ -53,6 +68,17 @@ static void catch_up(struct mcu *mcu) {
             spi->tx_full = false;
             start(mcu, spi->shift_end, spi->tx);
         }
+        spi_serve_dma(mcu, spi->shift_end);
+    }
+}
+
+/* Something else may want the core before the last byte is there. */
+void spi_finish(struct mcu *mcu) {
+    catch_up(mcu);
+    if (mcu->spi.shifting) {
+        const uint64_t end = mcu->spi.shift_end + dma_left_of_spi(mcu) * byte_ticks(mcu);
+        time_warp(mcu, end < mcu->stop_at ? end : mcu->stop_at);
+        catch_up(mcu);
     }
 }
 
@@ -91,8 +117,8 @@ void spi_write(struct mcu *mcu, unsigned instance, uint32_t offset, uint32_t val
         break;
     case CR2:
         spi->cr2 = value;
-        if (value != 0) {
-            mcu_forbid(mcu, "SPI interrupts and DMA are not modelled");
+        if ((value & ~(CR2_RXDMAEN | CR2_TXDMAEN)) != 0) {
+            mcu_forbid(mcu, "SPI interrupts are not modelled");
         }
         break;
     case DR:
