@@ -8,7 +8,7 @@ from ribbonhost.native._native import ffi, lib
 from scipy.spatial.transform import Rotation
 
 PARAMS = MotionParams(field_later_s=0.004)
-STATES = 96
+STATES = 120
 
 
 class Native:

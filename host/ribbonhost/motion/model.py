@@ -164,14 +164,16 @@ class Motion:
         """(T, n) radius around each position that holds the true one with a probability of 95 %.
 
         The squared distance, a weighted sum of three chi-squared values, is taken as one of equal mean and
-        variance (Satterthwaite), its quantile after Wilson and Hilferty.
+        variance (Satterthwaite), its quantile after Wilson and Hilferty. NaN where rounding has left no
+        covariance, as can be of the first sample after a start in fast motion.
         """
         covariance = self.position_covariance_m2
         trace = np.trace(covariance, axis1=-2, axis2=-1)
         square = np.einsum("...ij,...ji->...", covariance, covariance)
         scale, freedom = square / trace, trace**2 / square
         spread = 2 / (9 * freedom)
-        return np.asarray(np.sqrt(scale * freedom * (1 - spread + 1.6449 * np.sqrt(spread)) ** 3))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.sqrt(scale * freedom * (1 - spread + 1.6449 * np.sqrt(spread)) ** 3))
 
 
 NODE_FIELDS = {

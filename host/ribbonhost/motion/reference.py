@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from ribbonhost.motion.model import Float64, MotionParams, Samples
 
-TWIST_MODES, BEND_MODES = 8, 18
+TWIST_MODES, BEND_MODES = 16, 18
 STEP = 1e-6
 
 

@@ -67,8 +67,7 @@ int ribbon_motion_model_init(struct ribbon_motion_model *model, const struct rib
     model->params = *p;
     model->slots = 2 * p->nodes;
     /* Fewer modes than nodes: what they cannot hold would be noise. */
-    model->twist_modes =
-        p->nodes / 2 + 1 < RIBBON_MOTION_TWIST_MAX ? p->nodes / 2 + 1 : RIBBON_MOTION_TWIST_MAX;
+    model->twist_modes = p->nodes < RIBBON_MOTION_TWIST_MAX ? p->nodes : RIBBON_MOTION_TWIST_MAX;
     size_t bend = p->nodes + 2 < RIBBON_MOTION_BEND_MAX ? p->nodes + 2 : RIBBON_MOTION_BEND_MAX;
     model->modes = model->twist_modes + bend;
     model->block = 3 + model->modes;

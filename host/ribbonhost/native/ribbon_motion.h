@@ -33,10 +33,10 @@ enum ribbon_motion_limit {
     RIBBON_MOTION_NODE_MIN = 6,
     RIBBON_MOTION_NODE_MAX = 32,
     RIBBON_MOTION_SLOT_MAX = 64, /* two a node */
-    RIBBON_MOTION_TWIST_MAX = 8,
+    RIBBON_MOTION_TWIST_MAX = 16,
     RIBBON_MOTION_BEND_MAX = 18,
-    RIBBON_MOTION_BLOCK_MAX = 29, /* anchor rotation, twist, bending */
-    RIBBON_MOTION_STATE_MAX = 96  /* three blocks and nine of the anchor's place */
+    RIBBON_MOTION_BLOCK_MAX = 37, /* anchor rotation, twist, bending */
+    RIBBON_MOTION_STATE_MAX = 120 /* three blocks and nine of the anchor's place */
 };
 
 /* How a ribbon is built, how well it measures, and how it may move. */
