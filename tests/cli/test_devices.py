@@ -206,12 +206,10 @@ def test_devices_and_doctor_tell_of_the_ribbons_that_are_named(
     code, out, _ = run("devices", "left", "--comb", path, "--json")
     assert code == 0
     assert [(r["name"], r["port"]) for r in json.loads(out)["ribbons"]] == [("left", urls[1])]
-    time.sleep(0.5)  # until the scripted ports take the next who opens them
     code, out, _ = run("devices", "--comb", path)
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()[:3]] == ["name", "reference", "left"]
     assert f"at 0.1 m ({'ff' * 12}) of {path} is not here." in out
-    time.sleep(0.5)
     _, out, _ = run("doctor", "21aa", "--json")
     told = {check["name"] for check in json.loads(out)["checks"]}
     assert f"port {urls[1]}" in told

@@ -218,8 +218,8 @@ def served(ribbon: FakeRibbon) -> Iterator[str]:
     server = socket.create_server(("127.0.0.1", 0))
     stopping = threading.Event()
 
-    def send(connection: socket.socket) -> None:
-        while not stopping.is_set():
+    def send(connection: socket.socket, left: threading.Event) -> None:
+        while not stopping.is_set() and not left.is_set():
             try:
                 if data := ribbon.read(4096):
                     connection.sendall(data)
@@ -236,7 +236,8 @@ def served(ribbon: FakeRibbon) -> Iterator[str]:
             except TimeoutError:
                 continue
             with connection:
-                sender = threading.Thread(target=send, args=(connection,), daemon=True)
+                left = threading.Event()
+                sender = threading.Thread(target=send, args=(connection, left), daemon=True)
                 sender.start()
                 connection.settimeout(0.1)
                 while not stopping.is_set():
@@ -250,8 +251,8 @@ def served(ribbon: FakeRibbon) -> Iterator[str]:
                         break
                     with contextlib.suppress(OSError):
                         ribbon.write(data)
-                stopping_now = ribbon.vanished
-                sender.join(0.5 if stopping_now else 0.2)
+                left.set()
+                sender.join()
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
