@@ -56,6 +56,13 @@ class SteelBeam:
     end_m: Vector
     area_m2: float = 2e-3
 
+    def __post_init__(self) -> None:
+        """Raises UsageError for a beam without length or thickness."""
+        if self.start_m == self.end_m:
+            raise UsageError("a beam goes from a point to another, not to the same point")
+        if not self.area_m2 > 0:
+            raise UsageError(f"the area of a beam is more than 0 m^2, not {self.area_m2:g}")
+
     def field_ut(self, position_m: Array, r_world_node: Array, earth_ut: Array) -> Array:
         """What it adds at sensors (K, R + 1, S, 3), in the world."""
         start_m, end_m = np.array(self.start_m), np.array(self.end_m)
