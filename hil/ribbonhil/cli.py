@@ -13,9 +13,6 @@ from ribbonhil.conformance.command import conformance
 from ribbonhil.stm32f405.command import run
 
 SceneArgument = Annotated[
-    str, typer.Argument(metavar="SCENE", help="Surface: sea, wing, breath, or a Python file.")
-]
-PlaceArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
@@ -53,7 +50,7 @@ def _ribbonhil() -> None:
 
 @app.command(epilog="Example: ribbonhil serve wing --ribbons 5")
 def serve(
-    scene: PlaceArgument,
+    scene: SceneArgument,
     ribbons: RibbonsOption = 5,
     rate: Annotated[
         int, typer.Option(min=1, max=200, help="Scans a second, until a host asks for others.")
@@ -141,6 +138,7 @@ def truth(
     rate: Annotated[float, typer.Option(min=0.01, max=10000, help="Instants a second.")] = 100.0,
     seconds: Annotated[float, typer.Option(min=0.001, help="How long.")] = 20.0,
     period: PeriodOption = None,
+    part_errors: PartErrorsOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
 ) -> None:
     """Write the true positions and orientations of all sensors.
@@ -148,15 +146,16 @@ def truth(
     Arrays in the file: t_s, slot_position_m, q_world_slot, node_position_m, q_world_node, slot_s_m, node_s_m,
     start_m, period_s, gravity_mps2, field_world_ut, scene; `units` says what each of them is.
     """
-    from ribbonhil.scenes import load_scene
-    from ribbonhil.truth import Field, comb_truth
+    from ribbonhil.emulated_device import drawn_device
+    from ribbonhil.truth import Field
     from ribbonhil.truth_file import write_truth
+    from ribbonhil.world import load_world, world_truth
 
-    surface, field = load_scene(scene, period), Field()
-    count = write_truth(
-        output, surface.name, comb_truth(surface, ribbons, field), field, rate, seconds, replace=force
-    )
-    print(f"{output}: {count} instants of {ribbons + 1} ribbons on {surface.name}")
+    world, field = load_world(scene, period), Field()
+    devices = [drawn_device(0, index, part_errors=part_errors) for index in range(ribbons + 1)]
+    found = world_truth(world, ribbons, field, devices=devices)
+    count = write_truth(output, world.name, found, field, rate, seconds, replace=force)
+    print(f"{output}: {count} instants of {ribbons + 1} ribbons on {world.name}")
 
 
 @app.command("part-errors", epilog="Example: ribbonhil part-errors 7 --ribbon 1")

@@ -45,6 +45,12 @@ def test_200_scans_a_second_equal_the_host_port_without_overrun(board: str) -> N
     assert report.scan_us < 5000
 
 
+def test_parts_with_errors_read_the_same_in_the_image_and_in_the_host_port() -> None:
+    ideal, real = (run(RunOptions(built(), "rest", 40, part_errors=seed)) for seed in (None, 3))
+    assert ideal.is_good, ideal
+    assert real.is_good, real
+
+
 def test_info_tells_board_parts_and_serial_number() -> None:
     for name, board in (("pyboard_v11", Board.PYBOARD_V11), ("feather_f405", Board.FEATHER_F405)):
         session = started(built(board=name), name)
