@@ -34,7 +34,8 @@ def solved(number: int, ribbons: int = RIBBONS) -> Solved:
     q = random.normal(size=(ribbons, NODES, 4))
     q /= np.linalg.norm(q, axis=-1, keepdims=True)
     valid = random.random((ribbons, NODES)) > 0.1
-    match = Match(100.0 + 0.01 * number, q, valid, {})
+    sigma_rad = np.full((ribbons, NODES), 0.01)
+    match = Match(100.0 + 0.01 * number, q, valid, valid, sigma_rad, (None,) * ribbons, {})
     return Solved(match, tuple(range(ribbons)), random.normal(size=(ribbons, NODES, 3)), None)
 
 

@@ -1,11 +1,17 @@
 """Motion in the product: estimated live, replayed as it was, and made again two-sided."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from record.test_replay import assert_same
 from record.virtual import stream_virtually
+from ribbonhost import wire
+from ribbonhost.cli.collect import collect
+from ribbonhost.device import Scan
+from ribbonhost.device.pairing import Pairing
+from ribbonhost.motion.model import radius_95_m
 from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
@@ -58,8 +64,52 @@ def test_a_wing_of_two_seconds_is_followed_replayed_to_the_last_bit_and_bettered
     assert all(ribbon.motion and ribbon.motion.level == 0 for ribbon in replay.report().ribbons)
 
     _, smoothed = replayed(path, "offline")
+    animation, _ = collect([Recording(path)], lambda share: None, motion="offline")
+    assert animation.motion is not None
+    speed_mps = np.gradient(animation.node_m, animation.t_s, axis=0)[10:-10]
+    velocity_mps = animation.motion.velocity_mps[10:-10]
+    # The derivative of positions has their noise; a wrong frame or a missing anchor would cost the whole.
+    assert np.sqrt(np.mean((velocity_mps - speed_mps) ** 2)) < 0.1 * np.abs(speed_mps).max()
+    true_m = np.array([frame.truth_m for frame in live])
+    off_m = np.linalg.norm(np.array([frame.node_m for frame in live]) - true_m, axis=-1)
+    radius_m = np.array([radius_95_m(f.motion.position_covariance_m2) for f in live if f.motion])
+    assert np.mean(off_m < radius_m) > 0.8
+
     _, level = replayed(path, "off")
     assert mean_error_percent(smoothed, live) <= 0.05
     # Of other moments than the readings', so that there is no truth of them; but far from where they lead.
     assert len(level) > 200
     assert all(frame.motion is None for frame in level)
+
+
+def test_readings_that_do_not_come_are_bridged_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One RAW in ten, and then a quarter of a second of them."""
+    take_raw = Pairing.take_raw
+    taken = 0
+
+    def lose(self: Pairing, raw: wire.Raw, *arguments: Any) -> list[Scan]:
+        nonlocal taken
+        taken += 1
+        lost = taken % 10 == 5 or 450 <= taken < 525
+        return [] if lost else take_raw(self, raw, *arguments)
+
+    monkeypatch.setattr(Pairing, "take_raw", lose)
+    path = tmp_path / "a.mcap"
+    live = stream_virtually(
+        path, monkeypatch, seconds=1.5, ribbons=2, period_s=PERIOD_S, motion="live", truth=True
+    )
+    before = [
+        f for f in live if live[0].match.t_host_s + 0.1 < f.match.t_host_s < live[0].match.t_host_s + 0.9
+    ]
+    errors = [error_percent(f.node_m[1:], f.truth_m[1:], LENGTH_M) for f in before if f.truth_m is not None]
+    assert np.mean(errors) < 0.2
+    taken = 0
+    replay, _ = replayed(path)
+    for ribbon in replay.report().ribbons:
+        assert ribbon.motion is not None
+        assert ribbon.motion.predicted > 10
+        assert ribbon.motion.level > 5
+        assert ribbon.motion.estimated > 100
+        assert 20 < ribbon.counters.raw_lost <= ribbon.motion.predicted + ribbon.motion.level

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ribbonhost.errors import RecordingError, UsageError
-from ribbonhost.export.animation import Animation, surface_grid
+from ribbonhost.export.animation import Animation, NodeMotion, surface_grid
+from ribbonhost.motion.model import radius_95_m
 from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
@@ -73,6 +74,7 @@ class _Frames:
         self.q_world_node: list[NDArray[np.float64]] = []
         self.valid: list[NDArray[np.bool_]] = []
         self.surface_m: list[NDArray[np.float32]] = []
+        self.motion: list[tuple[NDArray[np.float64], ...] | None] = []
         self._with_surface = with_surface
         self._latest: list[Solved | None] = [None] * ribbons
 
@@ -89,8 +91,35 @@ class _Frames:
         self.node_m.append(np.concatenate([part.node_m for part in parts]))
         self.q_world_node.append(np.concatenate([part.match.q_world_node for part in parts]))
         self.valid.append(np.concatenate([part.match.valid for part in parts]))
+        self.motion.append(self._motion(parts))
         if solved.comb and self._with_surface:
             self.surface_m.append(surface_grid(solved.comb.vertices_m))
+
+    @staticmethod
+    def _motion(parts: Sequence[Solved]) -> tuple[NDArray[np.float64], ...] | None:
+        """The arrays of NodeMotion in this frame; None if nothing in it was estimated."""
+        if not any(part.motion for part in parts):
+            return None
+        rows = []
+        for part in parts:
+            vectors, scalars = np.full((2, *part.node_m.shape), np.nan), part.match.sigma_rad
+            if part.motion:
+                vectors[0], vectors[1] = part.motion.velocity_mps, part.motion.acceleration_mps2
+                radius = radius_95_m(part.motion.position_covariance_m2)
+            else:
+                radius = np.full(scalars.shape, np.nan)
+            rows.append((vectors[0], vectors[1], scalars, radius))
+        return tuple(np.concatenate(arrays) for arrays in zip(*rows, strict=True))
+
+    def node_motion(self) -> NodeMotion | None:
+        """Of all frames; None if nothing was estimated in any."""
+        there = [arrays for arrays in self.motion if arrays]
+        if not there:
+            return None
+        empty = tuple(np.full(array.shape, np.nan) for array in there[0])
+        return NodeMotion(
+            *(np.stack(arrays) for arrays in zip(*(m or empty for m in self.motion), strict=True))
+        )
 
 
 def collect(
@@ -145,6 +174,7 @@ def collect(
             valid=np.stack(frames.valid),
             names=tuple(place.label for place in places),
             surface_m=surface,
+            motion=frames.node_motion(),
         ),
         replay,
     )

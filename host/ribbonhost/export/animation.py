@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -18,13 +18,27 @@ Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True)
+class NodeMotion:
+    """How nodes move, and how sure they are, where that was estimated; NaN elsewhere.
+
+    velocity_mps, acceleration_mps2: (T, R, n, 3). sigma_rad: (T, R, n) standard deviation of the orientation,
+    worst axis. radius_95_m: (T, R, n) around the position, holds the true one with a probability of 95 %.
+    """
+
+    velocity_mps: Array
+    acceleration_mps2: Array
+    sigma_rad: Array
+    radius_95_m: Array
+
+
+@dataclass(frozen=True)
 class Animation:
     """T frames of R ribbons of n nodes, and the surface they span, in metres, ENU.
 
     t_s: (T,) increasing seconds from the start. node_m: (T, R, n, 3). q_world_node: (T, R, n, 4) unit,
     scalar first. valid: (T, R, n) False where an orientation was bridged. names: R names of ribbons, the
     reference first in a comb. surface_m: (T, U, W, 3) the surface as one grid, U along the ribbons, W
-    across; U = W = 0 without a surface.
+    across; U = W = 0 without a surface. motion: None if no motion was estimated.
     """
 
     t_s: Array
@@ -33,6 +47,7 @@ class Animation:
     valid: NDArray[np.bool_]
     names: tuple[str, ...]
     surface_m: NDArray[np.float32]
+    motion: NodeMotion | None = None
 
     @property
     def has_surface(self) -> bool:
@@ -70,7 +85,19 @@ class Animation:
         """All lengths times `factor` (for instance 100 for centimetres)."""
         if not (np.isfinite(factor) and factor > 0):
             raise UsageError(f"a scale of {factor:g} cannot be: give a positive one")
-        return replace(self, node_m=self.node_m * factor, surface_m=self.surface_m * np.float32(factor))
+        m = self.motion
+        return replace(
+            self,
+            node_m=self.node_m * factor,
+            surface_m=self.surface_m * np.float32(factor),
+            motion=m
+            and replace(
+                m,
+                velocity_mps=m.velocity_mps * factor,
+                acceleration_mps2=m.acceleration_mps2 * factor,
+                radius_95_m=m.radius_95_m * factor,
+            ),
+        )
 
     def with_up(self, up: UpAxis) -> Animation:
         """The same in a frame whose z (as it is) or y is up."""
@@ -85,6 +112,12 @@ class Animation:
             node_m=self.node_m @ Y_UP.T,
             surface_m=(self.surface_m @ Y_UP.T.astype(np.float32)),
             q_world_node=q,
+            motion=self.motion
+            and replace(
+                self.motion,
+                velocity_mps=self.motion.velocity_mps @ Y_UP.T,
+                acceleration_mps2=self.motion.acceleration_mps2 @ Y_UP.T,
+            ),
         )
 
     def _frames(self, index: NDArray[np.intp]) -> Animation:
@@ -95,6 +128,8 @@ class Animation:
             q_world_node=self.q_world_node[index],
             valid=self.valid[index],
             surface_m=self.surface_m[index],
+            motion=self.motion
+            and NodeMotion(**{f.name: getattr(self.motion, f.name)[index] for f in fields(NodeMotion)}),
         )
 
 

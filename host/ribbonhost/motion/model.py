@@ -161,19 +161,8 @@ class Motion:
         return np.asarray(self.status != Status.WAITING)
 
     def radius_95_m(self) -> Float64:
-        """(T, n) radius around each position that holds the true one with a probability of 95 %.
-
-        The squared distance, a weighted sum of three chi-squared values, is taken as one of equal mean and
-        variance (Satterthwaite), its quantile after Wilson and Hilferty. NaN where rounding has left no
-        covariance, as can be of the first sample after a start in fast motion.
-        """
-        covariance = self.position_covariance_m2
-        trace = np.trace(covariance, axis1=-2, axis2=-1)
-        square = np.einsum("...ij,...ji->...", covariance, covariance)
-        scale, freedom = square / trace, trace**2 / square
-        spread = 2 / (9 * freedom)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(np.sqrt(scale * freedom * (1 - spread + 1.6449 * np.sqrt(spread)) ** 3))
+        """(T, n) radius around each position that holds the true one with a probability of 95 %."""
+        return radius_95_m(self.position_covariance_m2)
 
 
 NODE_FIELDS = {
@@ -185,6 +174,22 @@ NODE_FIELDS = {
     "sigma_rad": "sigma_rad",
     "position_covariance_m2": "position_covariance_m2",
 }
+
+
+def radius_95_m(covariance_m2: Float64) -> Float64:
+    """(...) radius around positions of covariance (..., 3, 3) that holds the true one with 95 %.
+
+    The squared distance, a weighted sum of three chi-squared values, is taken as one of equal mean and
+    variance (Satterthwaite), its quantile after Wilson and Hilferty. NaN where rounding has left no
+    covariance, as can be of the first sample after a start in fast motion.
+    """
+    covariance = covariance_m2
+    trace = np.trace(covariance, axis1=-2, axis2=-1)
+    square = np.einsum("...ij,...ji->...", covariance, covariance)
+    scale, freedom = square / trace, trace**2 / square
+    spread = 2 / (9 * freedom)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(scale * freedom * (1 - spread + 1.6449 * np.sqrt(spread)) ** 3))
 
 
 def motion_of(nodes: Any, count: int, status: NDArray[np.int32], t_s: Float64, node_count: int) -> Motion:

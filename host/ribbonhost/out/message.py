@@ -15,6 +15,7 @@ VERSION = 1
 
 POSITION_DIGITS = 7
 ROTATION_DIGITS = 6
+MOTION_DIGITS = 5
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,12 @@ def hello(facts: Facts) -> str:
 def frame(number: int, solved: Solved) -> str:
     """A frame; positions that are not known are null."""
     match = solved.match
+    motion = {}
+    if solved.motion:
+        motion = {
+            "velocity_mps": _listed(solved.motion.velocity_mps, MOTION_DIGITS),
+            "acceleration_mps2": _listed(solved.motion.acceleration_mps2, MOTION_DIGITS),
+        }
     return json.dumps(
         {
             "frame": {
@@ -86,6 +93,8 @@ def frame(number: int, solved: Solved) -> str:
                 "node_m": _listed(solved.node_m, POSITION_DIGITS),
                 "q_world_node": _listed(match.q_world_node, ROTATION_DIGITS),
                 "valid": match.valid.astype(int).tolist(),
+                "sigma_rad": _listed(match.sigma_rad, ROTATION_DIGITS),
+                **motion,
             }
         },
         separators=(",", ":"),
