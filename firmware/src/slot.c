@@ -284,6 +284,12 @@ void slot_judge(struct slot *slot, uint32_t now_us) {
         slot->errors++;
     const uint32_t unusable_max_us =
         slot->reason == WIRE_SLOT_REASON_OUT_OF_RANGE ? OUT_OF_RANGE_MAX_US : UNUSABLE_MAX_US;
-    if (slot->state == SLOT_RUN && now_us - slot->usable_us > unusable_max_us)
+    if (slot->state == SLOT_RUN && now_us - slot->usable_us > unusable_max_us) {
+        if (slot->reason == WIRE_SLOT_REASON_OUT_OF_RANGE) {
+            /* What is read until the bridge's offset is known again is no field. */
+            slot->reason = WIRE_SLOT_REASON_NOT_CONFIGURED;
+            slot->is_implausible = false;
+        }
         slot_lose(slot, false, now_us);
+    }
 }

@@ -55,8 +55,7 @@ def calibrate(readings: Readings, in_use: wire.Calibration | None = None, **opti
 
 @lru_cache(maxsize=1)
 def stays() -> list[Stay]:
-    used = np.ones(16, dtype=bool)
-    return find_stays(recorded()[1], used, used)
+    return find_stays(recorded()[1])
 
 
 def turned(readings: Readings, rotation_rad: NDArray[np.float64]) -> Readings:

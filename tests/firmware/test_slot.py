@@ -279,3 +279,13 @@ def test_reading_that_only_does_not_fit_in_is_still_told_without_a_gap():
         assert list(lib.slot_reading(b.slot)[0:3]) == pytest.approx([3000, -6000, 10], abs=12)
     reset = bytes(lib.PARTS[MMC5983MA].reset)
     assert reset not in part.log[begun:]
+
+    told = []
+    for _ in range(round(62e6 / PERIOD_US)):
+        if b.slot.has_sample and b.slot.state == lib.SLOT_RUN:
+            lib.slot_mark_implausible(b.slot, False, b.now_us)
+        told.append(b.scan())
+        if told[-1] == SlotReason.OUT_OF_RANGE:
+            assert list(lib.slot_reading(b.slot)[0:3]) == pytest.approx([3000, -6000, 10], abs=20)
+    assert reset in part.log[begun:], "after a minute it is tried"
+    assert SlotReason.NOT_CONFIGURED in told

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,15 @@ from ribbonhost import wire
 from ribbonhost.calibrate import reading_checks, solution_checks
 from ribbonhost.calibrate.consistency import disagreement_deg, orientation_sigma_deg
 from ribbonhost.calibrate.place import Place
-from ribbonhost.calibrate.readings import Readings
+from ribbonhost.calibrate.readings import Readings, mended
 from ribbonhost.calibrate.record import parameters_of, record_of, strength_ut
 from ribbonhost.calibrate.sensor_errors import Array, Poses, Solution
 from ribbonhost.calibrate.stillness import Stay, average, find_stays
 from ribbonhost.calibrate.straight_bar import robust_field_cost, solve, solve_again
 
 HELD_OUT_EVERY = 5
+GOOD_SHARE = 0.7
+"""Of the readings of each sensor in a pose."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,13 @@ class Result:
 
 def pose_averages(readings: Readings, field_ut: float, axes: int, pitch_m: float) -> tuple[Poses, list[Stay]]:
     """The poses that were held, and all stays, also those that are no poses."""
-    accels, mags = readings.accel_mps2.shape[1], readings.field_ut.shape[1]
-    stays = find_stays(readings, np.ones(accels, dtype=bool), np.ones(mags, dtype=bool))
+    readings, good = mended(readings)
+    stays = [
+        replace(
+            stay, still=stay.still and bool(np.all(good[stay.first : stay.last].mean(axis=0) > GOOD_SHARE))
+        )
+        for stay in find_stays(readings)
+    ]
     return average(readings, [stay for stay in stays if stay.still], field_ut, axes, pitch_m), stays
 
 

@@ -18,7 +18,7 @@ from ribbonhost import wire
 from ribbonhost.calibrate import reading_checks, solution_checks
 from ribbonhost.calibrate.bar import Result, temperature_range
 from ribbonhost.calibrate.place import Place
-from ribbonhost.calibrate.readings import Readings
+from ribbonhost.calibrate.readings import Readings, mended
 from ribbonhost.calibrate.record import parameters_of
 from ribbonhost.calibrate.sensor_errors import STANDARD_GRAVITY_MPS2, Array, Parameters, Poses, Solution
 
@@ -48,7 +48,7 @@ def calibrate_in_place(
     solution_checks.check_calibrated(in_use.created_s)
     reading_checks.check_readings(readings, temperatures_c)
     parameters = parameters_of(in_use)
-    up, field_ut, usable = _still(readings, parameters)
+    up, field_ut, usable = _still(mended(readings)[0], parameters)
     few = usable.sum(axis=0)
     reading_checks.check_still_samples(int(few.min()), SAMPLES_MIN)
     block = np.arange(len(up)) * BLOCKS // len(up)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,3 +66,29 @@ def readings_of(info: wire.Info, raws: Sequence[wire.Raw], rate_hz: float | None
         accel_lsb_mps2=float(lsb[0::2].max(initial=0.0)),
         field_lsb_ut=float(lsb[1::2].max(initial=0.0)),
     )
+
+
+def mended(readings: Readings) -> tuple[Readings, NDArray[np.bool_]]:
+    """The readings with those that are none replaced by the sensor's last (or first) good one; and which were
+    good (T, A + M).
+
+    What only does not fit in with its neighbours is a reading: sensors that are not calibrated do not.
+    """
+    usable = (wire.SlotReason.OK, wire.SlotReason.OUT_OF_RANGE)
+    accel_good, field_good = np.isin(readings.accel_reason, usable), np.isin(readings.field_reason, usable)
+    return (
+        replace(
+            readings,
+            accel_mps2=_held(readings.accel_mps2, accel_good),
+            field_ut=_held(readings.field_ut, field_good),
+        ),
+        np.concatenate([accel_good, field_good], axis=1),
+    )
+
+
+def _held(values: Array, good: NDArray[np.bool_]) -> Array:
+    if good.all() or len(good) == 0:
+        return values
+    last = np.maximum.accumulate(np.where(good, np.arange(len(good))[:, None], -1), axis=0)
+    last = np.where(last < 0, np.argmax(good, axis=0), last)
+    return np.asarray(np.take_along_axis(values, last[..., None], axis=0))

@@ -57,18 +57,16 @@ class Stay:
     lying: bool
 
 
-def find_stays(
-    readings: Readings, accel_used: NDArray[np.bool_], field_used: NDArray[np.bool_]
-) -> list[Stay]:
-    """All stays of at least WINDOW_S, in order; accel_used (A,), field_used (M,): sensors to go by.
+def find_stays(readings: Readings) -> list[Stay]:
+    """All stays of at least WINDOW_S, in order.
 
     Stays that moved too much to be poses are among them, as not still.
     """
     scans = round(WINDOW_S * readings.rate_hz)
-    if len(readings) < scans or not accel_used.any() or not field_used.any():
+    if len(readings) < scans:
         return []
-    accel = readings.accel_mps2[:, accel_used].mean(axis=1)
-    field = readings.field_ut[:, field_used].mean(axis=1)
+    accel = readings.accel_mps2.mean(axis=1)
+    field = readings.field_ut.mean(axis=1)
     smooth = max(3, round(SMOOTH_S * readings.rate_hz))
     slow = uniform_filter1d(accel, smooth, axis=0, mode="nearest")
     slow_field = uniform_filter1d(field, smooth, axis=0, mode="nearest")
