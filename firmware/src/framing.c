@@ -9,8 +9,10 @@ static uint16_t crc16_byte(uint16_t crc, uint8_t byte) {
     return (uint16_t)((uint32_t)crc << 8 ^ x << 12 ^ x << 5 ^ x);
 }
 
+enum { CRC16_START = 0xFFFF };
+
 uint16_t framing_crc16(const uint8_t *bytes, size_t n) {
-    uint16_t crc = 0xFFFF;
+    uint16_t crc = CRC16_START;
     for (size_t i = 0; i < n; i++)
         crc = crc16_byte(crc, bytes[i]);
     return crc;
@@ -29,24 +31,25 @@ uint32_t framing_crc32(const uint8_t *bytes, size_t n) {
     return ~crc;
 }
 
-/* A COBS block being written: its code byte is known only once it ends. */
+/* A COBS block being written: its code byte, known only once it ends, and where the next byte goes. */
 struct cobs_writer {
-    uint8_t *frame;
-    size_t code_at, end;
+    uint8_t *code, *end;
 };
 
-static void cobs_end_block(struct cobs_writer *writer) {
-    writer->frame[writer->code_at] = (uint8_t)(writer->end - writer->code_at);
-    writer->code_at = writer->end++;
+enum { COBS_BLOCK_BYTES = 0xFF };
+
+static inline void cobs_end_block(struct cobs_writer *writer) {
+    *writer->code = (uint8_t)(writer->end - writer->code);
+    writer->code = writer->end++;
 }
 
-static void cobs_put(struct cobs_writer *writer, uint8_t byte) {
-    if (writer->end - writer->code_at == 0xFF)
+static inline void cobs_put(struct cobs_writer *writer, uint8_t byte) {
+    if (writer->end == writer->code + COBS_BLOCK_BYTES)
         cobs_end_block(writer);
     if (byte == 0)
         cobs_end_block(writer);
     else
-        writer->frame[writer->end++] = byte;
+        *writer->end++ = byte;
 }
 
 size_t framing_encode(const uint8_t *packet, size_t n, uint8_t *frame, size_t capacity) {
@@ -55,15 +58,17 @@ size_t framing_encode(const uint8_t *packet, size_t n, uint8_t *frame, size_t ca
     const size_t content = n + FRAMING_CRC_BYTES;
     if (capacity < content + FRAMING_OVERHEAD_BYTES(content))
         return 0;
-    const uint16_t crc = framing_crc16(packet, n);
-    struct cobs_writer writer = {frame, 0, 1};
-    for (size_t i = 0; i < n; i++)
+    struct cobs_writer writer = {frame, frame + 1};
+    uint16_t crc = CRC16_START;
+    for (size_t i = 0; i < n; i++) {
+        crc = crc16_byte(crc, packet[i]);
         cobs_put(&writer, packet[i]);
+    }
     cobs_put(&writer, (uint8_t)crc);
     cobs_put(&writer, (uint8_t)(crc >> 8));
-    frame[writer.code_at] = (uint8_t)(writer.end - writer.code_at);
-    frame[writer.end++] = 0;
-    return writer.end;
+    cobs_end_block(&writer);
+    *writer.code = 0;
+    return (size_t)(writer.end - frame);
 }
 
 static void start_frame(struct framing_reader *reader) {

@@ -24,7 +24,7 @@ enum { REACH = 3, REACH_BETWEEN = 2, NEIGHBOURS_MAX = 4, MARKS_MAX = 4 };
 
 struct check {
     const struct plausibility_input *input;
-    float length[COUNT];
+    float length[COUNT]; /* of the readings; 0 where it says nothing */
     bool trusted[COUNT];
 };
 
@@ -156,7 +156,7 @@ void plausibility_check(const struct plausibility_input *input, bool suspect[COU
     struct check check = {.input = input};
     for (unsigned i = 0; i < COUNT; i++) {
         check.trusted[i] = input->present[i] && !suspect[i];
-        check.length[i] = input->present[i] ? vec3_norm(input->readings[i]) : 0.0f;
+        check.length[i] = input->present[i] && !input->has_two_axes ? vec3_norm(input->readings[i]) : 0.0f;
     }
 
     if (are_all_in_line(&check))

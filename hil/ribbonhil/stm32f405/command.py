@@ -80,7 +80,10 @@ def run(
             part_errors,
         )
     )
-    _print(asdict(report), as_json)
+    told = asdict(report)
+    if not profile:
+        del told["instructions_by_function"]
+    _print(told, as_json)
     sys.exit(0 if report.is_good else 1)
 
 
