@@ -6,12 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from ribbonhil.emulated_device import PARTS, Device
+from ribbonhil.comb_spec import parse_url
+from ribbonhil.emulated_device import PARTS, Device, drawn_device
+from ribbonhil.emulator import EmulatedComb
 from ribbonhil.part_errors import PartErrors, drawn_errors, no_errors
+from ribbonhil.part_errors_command import show_part_errors
 from ribbonhil.part_ranges import ASSEMBLY, CUT_OFF_SIGMAS, MG_MPS2, RANGES
 from ribbonhil.ribbon import EmulatedRibbon
 from ribbonhil.rotations import rotation_matrices, rotation_vectors
-from ribbonhil.truth import RibbonTruth
+from ribbonhil.scenes import load_scene
+from ribbonhil.truth import Field, RibbonTruth, comb_truth
+from ribbonhil.world import world_truth
 from ribbonhost.framing import Deframer, encode_frame
 from ribbonhost.wire import Command, CommandCode, Info, Mode, Raw, decode, encode
 
@@ -106,3 +111,34 @@ def test_readings_drift_with_temperature() -> None:
     assert is_read(errors, readings(errors, temperature_c=45.0), at=20.0)
     warmed = readings(errors, warming_c=20.0, warming_s=0.01)
     assert is_read(errors, warmed, at=20.0), "after 80 time constants"
+
+
+def test_drawn_errors_can_be_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    show_part_errors(5, 2, as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["seed"], printed["ribbon"]) == (5, 2)
+    assert [slot["matrix"] for slot in printed["slots"]] == drawn_errors(5, 2, PARTS).matrix.tolist()
+    show_part_errors(5, 2, as_json=False)
+    assert capsys.readouterr().out.count(" mg ") == 16
+
+
+def test_a_comb_has_the_errors_that_its_url_asks_for() -> None:
+    errors = drawn_errors(6, 1, PARTS)
+    with EmulatedComb("rest", 1, part_errors=6) as comb:
+        assert "part_errors=6" in comb.urls[1]
+        assert parse_url(comb.urls[1]).comb.part_errors == 6
+        told = comb.devices[1].errors
+        assert told is not None
+        assert np.array_equal(told.total_bias, errors.total_bias)
+
+
+def test_sensors_sit_where_their_errors_say() -> None:
+    devices = [drawn_device(0, index, part_errors=8) for index in (0, 1)]
+    offset_m = devices[1].errors.offset_m if devices[1].errors else np.zeros(32)
+    assert 1e-4 < np.abs(offset_m).max() < 4e-3
+    truth = comb_truth(load_scene("wing"), 1, Field())
+    moved = world_truth(load_scene("wing"), 1, Field(), devices=devices)
+    step_m = moved.position_m[0, 1] - truth.position_m[0, 1]
+    along_m = np.einsum("si,si->s", step_m, truth.r_world_node[0, 1, :, :, 0])
+    assert along_m == pytest.approx(offset_m, abs=2e-6)
+    assert np.linalg.norm(moved.field_ut, axis=-1) == pytest.approx(48.0, abs=0.01)
