@@ -169,6 +169,17 @@ def test_a_place_gives_the_field_of_the_magnetic_model(run: Run, file: Path, tmp
     assert place["declination_deg"] == pytest.approx(4.4, abs=0.05)
 
 
+def test_a_refresh_needs_a_ribbon_that_was_calibrated(run: Run, comb: EmulatedComb, file: Path) -> None:
+    code, out, err = run("calibrate", "in-place", "--from", file, *FIELD)
+    assert (code, out) == (2, "")
+    assert "name the ribbon too" in err
+    before = held_by(comb.urls[2])
+    code, out, err = run("calibrate", "flat", comb.urls[2])
+    assert (code, out) == (1, "")
+    assert "begin with `ribbonhost calibrate bar`" in err
+    assert held_by(comb.urls[2]) == before
+
+
 class BarDevice:
     """A device that answers commands, and whose RAW came all at once."""
 

@@ -94,7 +94,8 @@ def bar(
     json: JsonOption = False,
 ) -> None:
     """Calibrate all sensors at once: the ribbon on a straight bar, turned as is said."""
-    from ribbonhost.cli.calibrate_run import CalibrateOptions, run_bar
+    from ribbonhost.cli.calibrate_options import CalibrateOptions
+    from ribbonhost.cli.calibrate_run import run_bar
 
     run_bar(
         CalibrateOptions(
@@ -141,7 +142,8 @@ def flat(
     json: JsonOption = False,
 ) -> None:
     """Refresh biases and mountings: the ribbon flat on a table, either side up."""
-    from ribbonhost.cli.calibrate_run import CalibrateOptions, run_flat
+    from ribbonhost.cli.calibrate_options import CalibrateOptions
+    from ribbonhost.cli.calibrate_run import run_flat
 
     run_flat(
         CalibrateOptions(
@@ -184,7 +186,8 @@ def in_place(
     json: JsonOption = False,
 ) -> None:
     """Find hard iron anew while the ribbon is used; nobody needs to handle it."""
-    from ribbonhost.cli.calibrate_run import CalibrateOptions, run_in_place
+    from ribbonhost.cli.calibrate_options import CalibrateOptions
+    from ribbonhost.cli.calibrate_run import run_in_place
 
     run_in_place(
         CalibrateOptions(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
@@ -17,11 +17,10 @@ import numpy as np
 from ribbonhost import wire
 from ribbonhost.calibrate.bar import Result, calibrate_bar
 from ribbonhost.calibrate.flat import calibrate_flat
-from ribbonhost.calibrate.in_place import calibrate_in_place
-from ribbonhost.calibrate.place import Place, place_at
-from ribbonhost.calibrate.record import strength_ut
 from ribbonhost.calibrate.refusals import RefusedError
+from ribbonhost.calibrate.solution_checks import check_calibrated
 from ribbonhost.cli.calibrate_guide import watch_bar
+from ribbonhost.cli.calibrate_options import CalibrateOptions, pitch_m_of, place_of
 from ribbonhost.cli.calibrate_source import (
     Collected,
     Traffic,
@@ -37,31 +36,11 @@ from ribbonhost.device.calibration import StoredCalibration, read_calibration, w
 from ribbonhost.errors import UsageError
 from ribbonhost.record import Recorder
 
-
-@dataclass(frozen=True)
-class CalibrateOptions:
-    """What was asked for on the command line."""
-
-    name: str | None
-    from_recording: Path | None
-    serial: str
-    output: Path | None
-    force: bool
-    dry_run: bool
-    place: str | None
-    day: str | None
-    field_ut: float | None
-    dip_deg: float | None
-    rate_hz: int
-    seconds: float
-    record: Path | None
-    comb: Path | None
-    baud: int
-    json: bool
-    declination_deg: float | None = None
-    axes: int = 2
-    pitch_mm: float | None = None
-    poses: int = 0
+FLAT = (
+    "lay the ribbon flat and straight on a table, sensor side up; turn it end for end; the same with its "
+    "back up; three seconds each or longer."
+)
+IN_PLACE = "use the ribbon, slowly, so that every part of it turns as far as it can."
 
 
 def run_bar(options: CalibrateOptions) -> None:
@@ -73,8 +52,8 @@ def run_bar(options: CalibrateOptions) -> None:
             device,
             traffic,
             rate_hz=options.rate_hz,
-            field_ut=_place(options, None).field_ut,
-            pitch_m=_pitch_m(options, info),
+            field_ut=place_of(options, None).field_ut,
+            pitch_m=pitch_m_of(options, info),
             poses=options.poses,
             timeout_s=options.seconds,
         )
@@ -83,9 +62,9 @@ def run_bar(options: CalibrateOptions) -> None:
         return calibrate_bar(
             collected.readings(),
             in_use,
-            _place(options, None),
+            place_of(options, None),
             axes=options.axes,
-            pitch_m=_pitch_m(options, collected.info),
+            pitch_m=pitch_m_of(options, collected.info),
             created_s=int(now.timestamp()),
             temperatures_c=collected.temperatures_c,
         )
@@ -100,53 +79,77 @@ def run_flat(options: CalibrateOptions) -> None:
         return calibrate_flat(
             collected.readings(),
             in_use,
-            _place(options, in_use),
+            place_of(options, in_use),
             created_s=int(now.timestamp()),
             temperatures_c=collected.temperatures_c,
         )
 
-    _run(options, lambda d, t: collect_for(d, t, options.seconds, options.rate_hz), solve)
+    _run(options, _recorder(options, FLAT), solve, refreshes=True)
 
 
-def run_in_place(options: CalibrateOptions) -> None:
+def run_inplace_of(options: CalibrateOptions) -> None:
     """Hard iron from a ribbon in use. Raises RibbonError."""
 
     def solve(collected: Collected, in_use: wire.Calibration, now: datetime) -> Result:
-        return calibrate_in_place(
+        return calibrate_inplace_of(
             collected.readings(),
             in_use,
-            _place(options, in_use),
+            place_of(options, in_use),
             created_s=int(now.timestamp()),
             temperatures_c=collected.temperatures_c,
         )
 
-    _run(options, lambda d, t: collect_for(d, t, options.seconds, options.rate_hz), solve)
+    _run(options, _recorder(options, IN_PLACE), solve, refreshes=True)
+
+
+def _recorder(options: CalibrateOptions, what: str) -> Callable[[Device, Traffic], Collected]:
+    """Collects for a while, and says what to do meanwhile. Raises UsageError if there is no ribbon."""
+    if options.name is None:
+        raise UsageError("name the ribbon too: its calibration is what is refreshed")
+
+    def collect(device: Device, traffic: Traffic) -> Collected:
+        print(f"For {options.seconds:g} s: {what}", file=sys.stderr)
+        return collect_for(device, traffic, options.seconds, options.rate_hz)
+
+    return collect
 
 
 def _run(
     options: CalibrateOptions,
     collect: Callable[[Device, Traffic], Collected],
     solve: Callable[[Collected, wire.Calibration, datetime], Result],
+    *,
+    refreshes: bool = False,
 ) -> None:
-    _place(options, None, lenient=True)  # what cannot be meant is said before the work
+    place_of(options, None, lenient=True)  # what cannot be meant is said before the work
     if options.output and options.output.exists() and not options.force:
         raise UsageError(
             f"{options.output} is there already: name another file, or give --force to replace it"
         )
     with _opened(options) as (device, traffic):
         stored = read_calibration(device) if device else None
-        if options.from_recording:
-            recorded = read_recording(options.from_recording, device.serial if device else options.serial)
-            collected = recorded.collected
-        else:
-            assert device is not None  # _opened makes sure
-            collected = collect(device, traffic)
-        now = datetime.now(UTC)
         try:
+            if refreshes and stored:
+                check_calibrated(stored.values.created_s)
+            collected = _collected(options, device, traffic, collect)
+            now = datetime.now(UTC)
             result = solve(collected, stored.values if stored else _unknown(collected), now)
         except RefusedError as error:
             _refused(error, options)
         _finish(options, device, stored, collected, result, now)
+
+
+def _collected(
+    options: CalibrateOptions,
+    device: Device | None,
+    traffic: Traffic,
+    collect: Callable[[Device, Traffic], Collected],
+) -> Collected:
+    if options.from_recording:
+        serial = device.serial if device else options.serial
+        return read_recording(options.from_recording, serial).collected
+    assert device is not None  # _opened makes sure
+    return collect(device, traffic)
 
 
 @contextlib.contextmanager
@@ -268,47 +271,3 @@ def _unknown(collected: Collected) -> wire.Calibration:
 def _info(device: Device) -> wire.Info:
     assert device.info is not None  # a device that was opened has answered
     return device.info
-
-
-def _pitch_m(options: CalibrateOptions, info: wire.Info | None) -> float:
-    if options.pitch_mm is not None:
-        return options.pitch_mm / 1000
-    assert info is not None  # there are readings
-    return float(info.pitch_m)
-
-
-def _place(options: CalibrateOptions, in_use: wire.Calibration | None, *, lenient: bool = False) -> Place:
-    """The field of the place as it was given; else that of the calibration in use.
-
-    Raises UsageError if there is none.
-    """
-    if options.place is not None:
-        try:
-            numbers = [float(word) for word in options.place.split(",")]
-        except ValueError:
-            numbers = []
-        if len(numbers) not in (2, 3):
-            raise UsageError(
-                f"--place {options.place} is not LATITUDE,LONGITUDE or LATITUDE,LONGITUDE,METRES"
-            )
-        return place_at(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0, _day(options.day))
-    if options.field_ut is not None:
-        return Place(options.field_ut, options.dip_deg, options.declination_deg, "given by hand")
-    if in_use is not None and in_use.created_s:
-        dip_deg = math.degrees(math.atan2(in_use.field_down_ut, in_use.field_horizontal_ut))
-        return Place(strength_ut(in_use), dip_deg, None, "the calibration in use")
-    if lenient:
-        return Place(math.nan, None, None, "")
-    raise UsageError(
-        "the strength of the earth's field is needed, which no pose tells: give --place "
-        "LATITUDE,LONGITUDE, or --field-ut with --dip-deg"
-    )
-
-
-def _day(text: str | None) -> date:
-    if text is None:
-        return datetime.now(UTC).date()
-    try:
-        return date.fromisoformat(text)
-    except ValueError as error:
-        raise UsageError(f"--date {text} is no date: write it as 2026-11-24") from error
