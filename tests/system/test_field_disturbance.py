@@ -50,8 +50,7 @@ class Heard:
 def heard(truth: CombTruth, felt: CombTruth, index: int, axes: int) -> Heard:
     session = Session(truth.ribbon(index), index)
     session.run_until(0.5)
-    if axes == 2:
-        session.measure_two_axes()
+    session.measure_axes(axes)
     session.run_until(SETTLED_S)
     start_us = session.ribbon.device_us
     session.ribbon.feel(felt.ribbon(index))

@@ -36,8 +36,8 @@ class Session:
         assert ack.code == AckCode.OK
         return ack
 
-    def measure_two_axes(self) -> None:
-        """Gives the ribbon the identity calibration of one with two-axis magnetometers."""
+    def measure_axes(self, axes: int) -> None:
+        """Gives the ribbon the identity calibration of one whose magnetometers have so many axes."""
         size = self.command(CommandCode.CALIBRATION_READ).value
         record = b"".join(
             self.command(CommandCode.CALIBRATION_READ, offset).data for offset in range(0, size, 192)
@@ -45,7 +45,7 @@ class Session:
         values = {
             name: getattr(Calibration.unpack(record), name) for name in Calibration.__dataclass_fields__
         }
-        record = Calibration(**{**values, "mag_axes": 2, "created_s": 1}).pack()
+        record = Calibration(**{**values, "mag_axes": axes, "created_s": 1}).pack()
         for offset in range(0, size, 192):
             self.command(CommandCode.CALIBRATION_WRITE, offset, record[offset : offset + 192])
         self.command(CommandCode.CALIBRATION_COMMIT, crc32(record))
@@ -55,7 +55,7 @@ def scanned(truth: RibbonTruth, index: int) -> tuple[NDArray[np.float64], list[O
     """True times of the ends of the scans after it has settled, and the packets of those scans."""
     session = Session(truth, index)
     session.run_until(0.5)
-    session.measure_two_axes()
+    session.measure_axes(2)
     session.run_until(SETTLED_S)
     start_us = session.ribbon.device_us
     orients = [packet for packet in session.run_until(END_S) if isinstance(packet, Orient)]
