@@ -87,7 +87,7 @@ soak: setup $(VENV)/.test
 	@RIBBON_SOAK_VIEW_S=600 $(BIN)/python -m pytest -q -s tests/view/test_endurance.py
 
 pictures: setup $(VENV)/.test
-	@$(BIN)/python docs/take_pictures.py
+	@PYTHONPATH=tests $(BIN)/python -m view.take_pictures
 
 check: setup $(VENV)/.test $(VENV)/.model
 	@$(BIN)/ruff check --config host/pyproject.toml .

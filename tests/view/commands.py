@@ -3,7 +3,6 @@
 import json
 import os
 import queue
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 COMMAND = [sys.executable, "-c", "from ribbonhost.cli import main; main()"]
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or "chromium"
+CHROMIUM = Path(__file__).parent / "quiet-chromium"
 FLAGS = (
     "--no-sandbox",
     "--use-angle=swiftshader",

@@ -21,7 +21,7 @@ LINES = ("#f0f0f4", "#ffb000", "#fe6100", "#dc267f", "#785ef0", "#648fff", "#2ec
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 VIEWS: dict[str, tuple[float, float, float]] = {
-    "overview": (1.0, -1.5, 1.05),
+    "overview": (0.92, -1.42, 0.95),
     "top": (0.0, -0.02, 2.2),
     "front": (0.0, -2.2, 0.15),
     "side": (2.2, 0.0, 0.15),
@@ -247,7 +247,7 @@ class Page:
         with panel.add_tab("Nodes", viser.Icon.ALERT_TRIANGLE):
             self._nodes = gui.add_html("")
         panel.dock_left()
-        panel.set_width(430)
+        panel.set_width(440)
         below = gui.add_panel()
         self._plot_tab = below.add_tab("Plots", viser.Icon.CHART_LINE)
         with self._plot_tab:

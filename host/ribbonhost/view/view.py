@@ -158,8 +158,8 @@ class View:
         self._server.stop()
 
     def _centre_m(self) -> NDArray[np.float64]:
-        """(3,) the middle of the first moment that was kept; what cameras look at."""
-        moment = self._history.at(-math.inf)
+        """(3,) the middle of what is shown; what cameras look at."""
+        moment = self._history.at(self._playhead.t_s)
         if moment is None or not np.isfinite(moment.node_m).any():
             return np.zeros(3)
         return np.asarray(np.nanmean(moment.node_m, axis=0))
