@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from ribbonhost.cli.config_file import FORMAT as CONFIG_FORMAT
 from ribbonhost.cli.config_file import calibration_lines, calibration_of, toml_text
 from ribbonhost.cli.printing import name_of
 from ribbonhost.errors import UsageError
+from ribbonhost.record import Header
 
 FORMAT = "ribbonhost calibration 1"
 
@@ -133,6 +135,28 @@ def _sensor_lines(result: Result, info: wire.Info) -> list[str]:
 
 def _short(values: NDArray[np.float64]) -> str:
     return f"[{', '.join(f'{value:.4g}' for value in values)}]"
+
+
+def load_calibrations(paths: Sequence[Path], header: Header) -> dict[str, wire.Calibration]:
+    """Later calibrations for a recording, by serial number. Raises UsageError, with the name of the file."""
+    nodes = {ribbon.serial: ribbon.node_count for ribbon in header.ribbons}
+    found: dict[str, wire.Calibration] = {}
+    for path in paths:
+        file = load_calibration(path)
+        if file.serial not in nodes:
+            raise UsageError(
+                f"{path}: is of ribbon {file.serial}, which is not in the recording: {', '.join(nodes)} are"
+            )
+        if file.serial in found:
+            raise UsageError(f"{path}: another file given is of ribbon {file.serial} too: give one")
+        if len(file.calibration.slots.offset) != 2 * nodes[file.serial]:
+            raise UsageError(
+                f"{path}: has {len(file.calibration.slots.offset)} slots where the ribbon in the recording "
+                f"has {2 * nodes[file.serial]}"
+            )
+        # In single precision, as the ribbon would use it.
+        found[file.serial] = wire.Calibration.unpack(file.calibration.pack())
+    return found
 
 
 def load_calibration(path: Path) -> CalibrationFile:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ribbonhost.errors import RecordingError, UsageError
 from ribbonhost.export.animation import Animation, NodeMotion, surface_grid
 from ribbonhost.motion.model import radius_95_m
+from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
@@ -128,6 +129,7 @@ def collect(
     *,
     method: Method | None = None,
     motion: MotionMode | None = None,
+    calibrations: Calibrations = NO_CALIBRATIONS,
     start_s: float | None = None,
     end_s: float | None = None,
     rate_hz: float | None = None,
@@ -147,7 +149,14 @@ def collect(
         if frames.see(solved) and low_s <= t_s <= high_s:
             nearest.add(t_s, solved)
 
-    replay = Replay(recordings, method=method, motion=motion, on_progress=progress, on_solved=[on_solved])
+    replay = Replay(
+        recordings,
+        method=method,
+        motion=motion,
+        calibrations=calibrations,
+        on_progress=progress,
+        on_solved=[on_solved],
+    )
     places = replay.arrangement.places
     if len({place.node_count for place in places if place.node_count}) > 1:
         raise UsageError("ribbons of different lengths that make no comb do not fit into one file")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.collect import collect, progress_bar
-from ribbonhost.cli.replay import checked_method, checked_motion, open_recordings
+from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.export import FORMATS, Options, export
 
@@ -24,6 +24,7 @@ class ExportOptions:
     scale: float
     method: str | None
     motion: str | None
+    calibration: tuple[Path, ...]
     force: bool
 
 
@@ -48,6 +49,7 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
             progress,
             method=method,
             motion=motion,
+            calibrations=later_calibrations(options.calibration, recordings[0], motion),
             start_s=options.start_s,
             end_s=options.end_s,
             rate_hz=options.rate_hz,

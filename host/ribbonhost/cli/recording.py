@@ -25,6 +25,13 @@ MotionOption = Annotated[
         "for a level.  [default: as in the stream]",
     ),
 ]
+CalibrationOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="FILE.toml",
+        help="Calibrate readings anew by what `calibrate` wrote; one file a ribbon.  [default: as recorded]",
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -91,6 +98,7 @@ def replay(
     start: Annotated[float, typer.Option("--from", min=0.0, help="Begin at this second.")] = 0.0,
     method: MethodOption = None,
     motion: MotionOption = None,
+    calibration: CalibrationOption = None,
     out: options.OutOption = None,
     view: options.ViewOption = False,
     view_port: options.ViewPortOption = None,
@@ -106,6 +114,7 @@ def replay(
             from_s=start,
             method=method,
             motion=motion,
+            calibration=tuple(calibration or ()),
             out=tuple(out or ()),
             view=view,
             view_port=view_port,
@@ -135,13 +144,19 @@ def export(
     scale: Annotated[float, typer.Option(help="Units of the file a metre: 100 for centimetres.")] = 1.0,
     method: MethodOption = None,
     motion: MotionOption = None,
+    calibration: CalibrationOption = None,
     force: options.ForceOption = False,
     json: options.JsonOption = False,
 ) -> None:
     """Write a recording as a file that other tools open; the ending says which."""
     from ribbonhost.cli.export import ExportOptions, run_export
 
-    run_export(files, output, ExportOptions(start, end, rate, up, scale, method, motion, force), json)
+    run_export(
+        files,
+        output,
+        ExportOptions(start, end, rate, up, scale, method, motion, tuple(calibration or ()), force),
+        json,
+    )
 
 
 def validate(
@@ -161,6 +176,7 @@ def validate(
     ] = 5.0,
     method: MethodOption = None,
     motion: MotionOption = None,
+    calibration: CalibrationOption = None,
     force: options.ForceOption = False,
     json: options.JsonOption = False,
 ) -> None:
@@ -168,5 +184,9 @@ def validate(
     from ribbonhost.cli.validate import ValidateOptions, run_validate
 
     run_validate(
-        files, ValidateOptions(truth, report, start, end, offset, max_offset, method, motion, force), json
+        files,
+        ValidateOptions(
+            truth, report, start, end, offset, max_offset, method, motion, tuple(calibration or ()), force
+        ),
+        json,
     )

@@ -14,6 +14,7 @@ from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
 from ribbonhost.errors import UsageError
 from ribbonhost.out import Facts
+from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.poses import MODES, MotionMode, is_mode
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import OnSolved, Solved
@@ -44,6 +45,25 @@ def checked_motion(motion: str | None) -> MotionMode | None:
     return motion
 
 
+def later_calibrations(
+    paths: Sequence[Path], recording: Recording, motion: MotionMode | None
+) -> Calibrations:
+    """The calibrations of `--calibration` files, by serial number.
+
+    Raises UsageError for files that are none of this recording's, and where they would have no effect.
+    """
+    if not paths:
+        return NO_CALIBRATIONS
+    from ribbonhost.cli.calibration_file import load_calibrations
+
+    if (motion or recording.header.motion) == "off":
+        raise UsageError(
+            "--calibration calibrates readings anew, and --motion off shows orientations that the ribbon "
+            "made of them: give --motion live or offline"
+        )
+    return load_calibrations(paths, recording.header)
+
+
 @dataclass(frozen=True)
 class ReplayOptions:
     """What was typed. speed: times real time, 0: as fast as possible."""
@@ -52,6 +72,7 @@ class ReplayOptions:
     from_s: float
     method: str | None
     motion: str | None
+    calibration: tuple[Path, ...]
     out: tuple[str, ...]
     view: bool
     view_port: int | None
@@ -73,6 +94,7 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
         _view(paths, options, chosen, output)
         return
     recordings = open_recordings(paths)
+    motion = checked_motion(options.motion)
     feeds: list[OnSolved] = []
 
     def on_solved(solved: Solved) -> None:
@@ -84,7 +106,8 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
         replay = Replay(
             recordings,
             method=chosen,
-            motion=checked_motion(options.motion),
+            motion=motion,
+            calibrations=later_calibrations(options.calibration, recordings[0], motion),
             on_event=output.event,
             on_progress=progress,
             on_solved=[on_solved],
@@ -115,10 +138,12 @@ def _view(paths: Sequence[Path], options: ReplayOptions, method: Method | None, 
             view.keep(solved, t_s)
 
     recordings = open_recordings(paths)
+    motion = checked_motion(options.motion)
     replay = Replay(
         recordings,
         method=method,
-        motion=checked_motion(options.motion),
+        motion=motion,
+        calibrations=later_calibrations(options.calibration, recordings[0], motion),
         on_event=output.event,
         on_solved=[on_solved],
     )

@@ -98,8 +98,17 @@ def _stream(
         rate_hz = _rate(options.rate_hz, arrangement.devices, output)
         facts = Facts.of(arrangement, rate_hz=rate_hz, unix_offset_s=time.time() - time.monotonic())
         outs = stack.enter_context(feeding(options.out or (), facts, output, on_event))
+        records = options.record is not None or options.view
+        calibrations = _calibrations(arrangement.devices, motion, rate_hz, output, all_of_them=records)
         header = partial(
-            header_of, arrangement, channels, comb=comb, rate_hz=rate_hz, method=method, motion=motion
+            header_of,
+            arrangement,
+            channels,
+            comb=comb,
+            rate_hz=rate_hz,
+            method=method,
+            motion=motion,
+            calibrations=calibrations,
         )
         consumers: list[OnSolved] = [*outs.feeds]
         show: list[OnReport] = [output.report, lambda report: outs.watch()]
@@ -119,7 +128,7 @@ def _stream(
             on_solved=consumers,
             reconnect=options.reconnect,
             motion=motion,
-            calibrations=_calibrations(arrangement.devices, motion, rate_hz, output),
+            calibrations=calibrations,
         )
         if recorder:
             recorder.start(header())
@@ -258,14 +267,14 @@ def _open(
 
 
 def _calibrations(
-    devices: Sequence[Device], motion: MotionMode, rate_hz: int, output: Output
+    devices: Sequence[Device], motion: MotionMode, rate_hz: int, output: Output, *, all_of_them: bool
 ) -> dict[str, wire.Calibration]:
-    """The calibration records, by serial number, of all devices whose motion can be estimated.
+    """The calibration records, by serial number, of all devices whose motion can be estimated, or of all.
 
     One that cannot be read is noted.
     """
     records: dict[str, wire.Calibration] = {}
-    devices = [device for device in devices if motion != "off" and not why_not(device, rate_hz)]
+    devices = [d for d in devices if all_of_them or (motion != "off" and not why_not(d, rate_hz))]
     if not devices:
         return records
     with ThreadPoolExecutor(len(devices)) as pool:
@@ -274,7 +283,7 @@ def _calibrations(
         try:
             records[device.serial] = attempt.result().values
         except (DeviceError, LinkError, wire.WireError) as error:
-            output.note(f"{error}: its motion is estimated as if it were not calibrated")
+            output.note(f"{error}: it is taken as not calibrated")
     return records
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.collect import collect, progress_bar
-from ribbonhost.cli.replay import checked_method, checked_motion, open_recordings
+from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.validate.comparison import Comparison, compare
 from ribbonhost.validate.report import facts_of, write_report
@@ -26,6 +26,7 @@ class ValidateOptions:
     max_offset_s: float
     method: str | None
     motion: str | None
+    calibration: tuple[Path, ...]
     force: bool
 
 
@@ -45,6 +46,7 @@ def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool)
             progress,
             method=method,
             motion=motion,
+            calibrations=later_calibrations(options.calibration, recordings[0], motion),
             start_s=options.start_s,
             end_s=options.end_s,
             with_surface=False,

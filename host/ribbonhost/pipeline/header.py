@@ -8,6 +8,7 @@ from ribbonhost import wire
 from ribbonhost.comb import Comb
 from ribbonhost.device import Device
 from ribbonhost.pipeline.arrangement import Arrangement
+from ribbonhost.pipeline.estimating import NO_CALIBRATIONS
 from ribbonhost.pipeline.poses import MotionMode
 from ribbonhost.reconstruct.comb import Method
 from ribbonhost.record import Header, RecordedRibbon
@@ -21,8 +22,12 @@ def header_of(
     rate_hz: int,
     method: Method,
     motion: MotionMode = "off",
+    calibrations: Mapping[str, wire.Calibration] = NO_CALIBRATIONS,
 ) -> Header:
-    """The header of a recording of these ribbons. channels: the number of each device in it."""
+    """The header of a recording of these ribbons.
+
+    channels: the number of each device in it. calibrations: the records that were read, by serial number.
+    """
     ribbons = []
     for place in arrangement.places:
         info = place.device.info if place.device else None
@@ -39,6 +44,7 @@ def header_of(
                 pitch_m=info.pitch_m,
                 firmware=".".join(str(number) for number in info.firmware_version),
                 calibration=(info.calibration_sequence, info.calibration_crc32),
+                calibration_record=used.pack() if (used := calibrations.get(place.serial)) else b"",
             )
         )
     return Header(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
+from ribbonhost import wire
 from ribbonhost.comb import parse_comb
 from ribbonhost.device import RecordedDevice, Scan
 from ribbonhost.errors import CombFileError, RecordingError
@@ -49,10 +50,12 @@ class Replay:
         """`on_event` is told what happened in the stream, each of `on_solved` each frame.
 
         motion: as in the stream unless given; offline: all of the recording is estimated before the first
-        frame, and `on_progress` told which share is. calibrations: by serial number.
+        frame, and `on_progress` told which share is. calibrations: by serial number, in place of those
+        that were recorded; they change what motion is estimated from, not what `off` shows.
         Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
         """
         header = recordings[0].header
+        calibrations = _recorded_calibrations(recordings[0]) | dict(calibrations)
         self.damaged = 0
         self.t_zero_s = recordings[0].t_zero_s
         self.t_s = 0.0
@@ -208,6 +211,17 @@ def _method(recording: Recording) -> Method:
             f"does not know: give one of {', '.join(METHODS)} with --method"
         )
     return method
+
+
+def _recorded_calibrations(recording: Recording) -> dict[str, wire.Calibration]:
+    try:
+        return {
+            ribbon.serial: wire.Calibration.unpack(ribbon.calibration_record)
+            for ribbon in recording.header.ribbons
+            if ribbon.calibration_record
+        }
+    except wire.WireError as error:
+        raise RecordingError(f"{recording.path} holds a damaged calibration: {error}") from error
 
 
 def _motion(recording: Recording) -> MotionMode:

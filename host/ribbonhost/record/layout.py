@@ -60,6 +60,7 @@ class RecordedRibbon:
         port: what was typed to open it.
         firmware: its version.
         calibration: number and CRC-32 of the calibration that it used; number 0: none.
+        calibration_record: its calibration record; empty if it was not read.
     """
 
     label: str
@@ -70,6 +71,11 @@ class RecordedRibbon:
     pitch_m: float = 0.0
     firmware: str = ""
     calibration: tuple[int, int] = (0, 0)
+    calibration_record: bytes = b""
+
+    def to_json(self) -> dict[str, object]:
+        """All of it, as in the header."""
+        return asdict(self) | {"calibration_record": self.calibration_record.hex()}
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ class Header:
             "t_zero_ns": "" if self.t_zero_ns is None else str(self.t_zero_ns),
             "log_offset_ns": str(self.log_offset_ns),
             "comb": self.comb,
-            "ribbons": json.dumps([asdict(ribbon) for ribbon in self.ribbons]),
+            "ribbons": json.dumps([ribbon.to_json() for ribbon in self.ribbons]),
         }
 
     @classmethod
@@ -139,6 +145,7 @@ class Header:
                     pitch_m=float(entry["pitch_m"]),
                     firmware=str(entry["firmware"]),
                     calibration=(int(entry["calibration"][0]), int(entry["calibration"][1])),
+                    calibration_record=bytes.fromhex(entry.get("calibration_record", "")),
                 )
                 for entry in entries
             )
