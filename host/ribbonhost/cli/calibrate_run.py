@@ -87,11 +87,11 @@ def run_flat(options: CalibrateOptions) -> None:
     _run(options, _recorder(options, FLAT), solve, refreshes=True)
 
 
-def run_inplace_of(options: CalibrateOptions) -> None:
+def run_in_place(options: CalibrateOptions) -> None:
     """Hard iron from a ribbon in use. Raises RibbonError."""
 
     def solve(collected: Collected, in_use: wire.Calibration, now: datetime) -> Result:
-        return calibrate_inplace_of(
+        return calibrate_in_place(
             collected.readings(),
             in_use,
             place_of(options, in_use),
