@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import numpy as np
 from conformance.responder import Responder
 from conformance.rule_breakers import RuleBreakers
 from ribbonhost import wire
@@ -226,3 +227,17 @@ class CountsEveryCommit(Responder):
         code, _, data = super().calibration_commit(argument, data)
         self.calibration_sequence += code == AckCode.OK
         return code, self.calibration_sequence, data
+
+
+@breaks("info_follows_the_record", "pitch_m 0.0125 of the record in use, saw 0.025")
+class PitchOfItsOwn(Responder):
+    def info(self) -> wire.Info:
+        return dataclasses.replace(super().info(), pitch_m=0.025)
+
+
+@breaks("info_follows_the_record", "axes 7 of the record in use in slot 1, saw 3")
+class AlwaysTwoAxes(Responder):
+    def info(self) -> wire.Info:
+        info = super().info()
+        axes = np.tile([7, 3], self.slot_count // 2).astype(np.uint8)
+        return dataclasses.replace(info, slots=dataclasses.replace(info.slots, axes=axes))

@@ -91,7 +91,8 @@ class RibbonState:
     def info(self) -> wire.Info:
         parts = self.parts()
         lsb = np.choose(parts, [0.0, 0.244e-3 * 9.80665, 100.0 / 16384.0, 0.0])
-        axes = np.choose(parts, [0, 7, 3, 3]).astype(np.uint8)
+        of_magnetometer = 7 if self.record[2] == 3 else 3
+        axes = np.choose(parts, [0, 7, of_magnetometer, of_magnetometer]).astype(np.uint8)
         return wire.Info(
             wire_version=wire.WIRE_VERSION,
             oldest_host_version=wire.OLDEST_HOST_VERSION,
@@ -99,7 +100,7 @@ class RibbonState:
             firmware_version=b"\x01\x02\x03",
             board=wire.Board.HOST,
             unique_id=bytes(range(12)),
-            pitch_m=0.025,
+            pitch_m=struct.unpack_from("<f", self.record, 8)[0],
             rate_hz=self.rate_hz,
             rate_max_hz=self.rate_max_hz,
             mode=self.mode,

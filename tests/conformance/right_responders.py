@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import numpy as np
 from conformance.responder import Responder
 from ribbonhost import wire
 from ribbonhost.framing import encode_frame
@@ -34,10 +33,8 @@ class PartsMissing(Responder):
 class ThreeAxes(Responder):
     """All axes of the magnetometers are used."""
 
-    def info(self) -> wire.Info:
-        info = super().info()
-        axes = np.full(self.slot_count, 7, np.uint8)
-        return dataclasses.replace(info, slots=dataclasses.replace(info.slots, axes=axes))
+    def identity_record(self) -> bytes:
+        return dataclasses.replace(wire.Calibration.unpack(super().identity_record()), mag_axes=3).pack()
 
 
 class Newer(Responder):

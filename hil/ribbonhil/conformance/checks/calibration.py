@@ -15,8 +15,10 @@ from ribbonhost.wire import (
     CALIBRATION_MAG_AXES_RANGE,
     CALIBRATION_PITCH_M_RANGE,
     AckCode,
+    Axes,
     Calibration,
     CommandCode,
+    Part,
     WireError,
 )
 
@@ -312,3 +314,27 @@ def commit_of_the_record_in_use_changes_nothing(device: Device) -> None:
             reply.frame,
         )
     expect_in_use(device, original, info.calibration_sequence)
+
+
+def expect_described(device: Device, record: bytes) -> None:
+    """Raises BrokenRuleError unless INFO tells the pitch and the axes of this record."""
+    frame, info = device.get_info()
+    (pitch_m,) = struct.unpack_from("<f", record, PITCH_AT)
+    expect(info.pitch_m == pitch_m, f"pitch_m {pitch_m:.6g} of the record in use", info.pitch_m, frame)
+    wanted = Axes.X | Axes.Y | (Axes.Z if record[MAG_AXES_AT] == 3 else Axes(0))
+    for slot in range(1, len(info.slots), 2):
+        if info.slots.part[slot] != Part.NONE:
+            axes = int(info.slots.axes[slot])
+            expect(axes == wanted, f"axes {wanted:d} of the record in use in slot {slot}", axes, frame)
+
+
+@GROUP.check("Calibration", WRITES)
+def info_follows_the_record(device: Device) -> None:
+    """INFO tells the pitch of the record in use, and of a magnetometer x and y or all axes, as it says."""
+    original = device.read_calibration()
+    expect_described(device, original)
+    (pitch_m,) = struct.unpack_from("<f", original, PITCH_AT)
+    other = with_float(original, PITCH_AT, pitch_m * (0.5 if pitch_m > 0.01 else 2.0))
+    other = with_bytes(other, MAG_AXES_AT, bytes([5 - original[MAG_AXES_AT]]))
+    device.commit_calibration(other)
+    expect_described(device, other)
