@@ -119,7 +119,8 @@ def _state(ribbon: RibbonReport) -> Text:
 
 def _rare(ribbon: RibbonReport) -> int:
     counts: list[int] = [getattr(ribbon.counters, name) for name in RARE]
-    return sum(counts) + (ribbon.motion.level if ribbon.motion else 0)
+    as_level = ribbon.motion.level if ribbon.motion and ribbon.motion.estimated else 0
+    return sum(counts) + as_level
 
 
 def _alert(count: int) -> Text:

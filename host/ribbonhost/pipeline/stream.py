@@ -19,6 +19,9 @@ from ribbonhost.reconstruct.comb import Method
 QUEUE_SCANS = 1024
 """Scans that may wait for reconstruction; further ones are dropped and counted."""
 
+BEHIND_SCANS = 300
+"""So many waiting scans, half a second of six ribbons, and the user is told, once."""
+
 POLL_S = 0.1
 UNDERWAY_S = 0.5
 """So long a scan that arrived is at most on its way to the reconstruction."""
@@ -76,6 +79,8 @@ class Stream:
         self._seeker: Seeker | None = None
         self._queue: queue.SimpleQueue[tuple[int, Scan]] = queue.SimpleQueue()
         self._dropped = [0] * len(self._places)
+        self._estimates = motion != "off"
+        self._told_behind = False
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._work, name="reconstruct", daemon=True)
 
@@ -173,3 +178,10 @@ class Stream:
                 self._reconstruction.expire(time.monotonic() - UNDERWAY_S)
             else:
                 self._reconstruction.take(place, scan)
+                if not self._told_behind and self._queue.qsize() > BEHIND_SCANS:
+                    self._told_behind = True
+                    self._on_event("stream", self._behind())
+
+    def _behind(self) -> str:
+        help_ = "--motion off takes a third of the time, or give" if self._estimates else "give"
+        return f"this computer does not keep up: what is shown is late; {help_} a lower --rate"
