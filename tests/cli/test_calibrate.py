@@ -116,6 +116,9 @@ def test_a_recording_calibrates_the_ribbon_it_is_of_and_a_file_keeps_it(
 
     code, out, err = run("calibrate", "bar", comb.urls[0], "--from", file, *FIELD, "-o", tmp_path / "n.toml")
     assert (code, "that one stays" in err) == (1, True)
+    for kind in ("flat", "in-place"):
+        code, _, err = run("calibrate", kind, comb.urls[0], "--from", file, "-o", tmp_path / "n.toml")
+        assert (code, "that one stays" in err) == (1, True)
     assert held_by(comb.urls[0]) == (record, *before[1:])
     assert not (tmp_path / "n.toml").exists()
 

@@ -17,6 +17,7 @@ import numpy as np
 from ribbonhost import wire
 from ribbonhost.calibrate.bar import Result, calibrate_bar
 from ribbonhost.calibrate.flat import calibrate_flat
+from ribbonhost.calibrate.in_place import calibrate_in_place
 from ribbonhost.calibrate.refusals import RefusedError
 from ribbonhost.calibrate.solution_checks import check_calibrated
 from ribbonhost.cli.calibrate_guide import watch_bar
