@@ -84,6 +84,7 @@ test: check
 
 soak: setup $(VENV)/.test
 	@RIBBON_SOAK_KILLS=20 $(BIN)/python -m pytest -q tests/record/test_recording.py -k killed
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/ribbonhost bench calibration --seeds 20
 	@RIBBON_SOAK_VIEW_S=600 $(BIN)/python -m pytest -q -s tests/view/test_endurance.py
 
 pictures: setup $(VENV)/.test
