@@ -15,7 +15,7 @@ app = typer.Typer(
 JSON_HELP = "Print one JSON object instead of tables."
 
 
-@app.command()
+@app.command(epilog="Example: ribbonhost bench accuracy --scene wing --json")
 def accuracy(
     scene: Annotated[
         list[str] | None,
@@ -35,7 +35,7 @@ def accuracy(
     typer.echo(json_module.dumps(result) if json else accuracy_tables(result))
 
 
-@app.command()
+@app.command(epilog="Example: ribbonhost bench speed --json")
 def speed(json: Annotated[bool, typer.Option("--json", help=JSON_HELP)] = False) -> None:
     """Times of frames, batches and threads, each beside what it is compared with."""
     from ribbonhost.bench.speed import measure_speed
@@ -45,7 +45,7 @@ def speed(json: Annotated[bool, typer.Option("--json", help=JSON_HELP)] = False)
     typer.echo(json_module.dumps(result) if json else speed_tables(result))
 
 
-@app.command()
+@app.command(epilog="Example: ribbonhost bench report --folder docs")
 def report(
     folder: Annotated[Path, typer.Option(file_okay=False, help="Where accuracy.md and its plots go.")] = Path(
         "docs"
@@ -58,7 +58,7 @@ def report(
         typer.echo(path)
 
 
-@app.command()
+@app.command(epilog="Example: ribbonhost bench calibration --seeds 5")
 def calibration(
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Combs with errors of their own.")] = 20,
     scene: Annotated[str, typer.Option(metavar="SCENE", help="sea, wing, breath, or a file.py.")] = "wing",
@@ -71,4 +71,4 @@ def calibration(
     typer.echo(json_module.dumps(result) if json else calibration_table(result))
 
 
-app.command()(motion)
+app.command(epilog="Example: ribbonhost bench motion --scene wing --period 2")(motion)
