@@ -83,5 +83,6 @@ def on_the_table_only_one() -> Readings:
     readings = recorded()[1]
     stay = stays()[0]
     names = ("t_s", "accel_mps2", "accel_reason", "field_ut", "field_reason", "scan")
-    part = {name: getattr(readings, name)[stay.first : stay.last] for name in names}
-    return replace(readings, **{name: np.concatenate([values] * 10) for name, values in part.items()})
+    part = {name: np.concatenate([getattr(readings, name)[stay.first : stay.last]] * 10) for name in names}
+    part["t_s"], part["scan"] = np.arange(len(part["scan"])) / readings.rate_hz, np.arange(len(part["scan"]))
+    return replace(readings, **part)

@@ -32,6 +32,15 @@ def lost_scans() -> Readings:
     return replace(readings, **{name: getattr(readings, name)[kept] for name in names})
 
 
+def restarted() -> Readings:
+    readings = recorded()[1]
+    half = len(readings) // 2
+    t_s, scan = readings.t_s.copy(), readings.scan.copy()
+    t_s[half:] -= t_s[half]
+    scan[half:] -= scan[half]
+    return replace(readings, t_s=t_s, scan=scan)
+
+
 def few_poses() -> Readings:
     readings = recorded()[1]
     end = stays()[9].last
@@ -98,6 +107,7 @@ def along(axis: int, ends_deg: float) -> Readings:
 
 CASES: dict[Reason, tuple[Callable[[], Readings], str]] = {
     Reason.LOST_SCANS: (lost_scans, "10 % were lost"),
+    Reason.RESTARTED: (restarted, "the ribbon started anew after 48 s"),
     Reason.DEAD_SLOT: (
         lambda: with_reason(SlotReason.ABSENT, 5),
         r"slot 5 \(magnetometer 3\) was absent in 33 %",

@@ -114,7 +114,8 @@ def temperature_range(temperatures_c: Sequence[float]) -> tuple[float, float]:
 
 
 def _held_out(lying: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(P,) every so many of the poses that were held by hand."""
+    """(P,) every so many of the poses that were held by hand; of all if those are few."""
     kept_back = np.zeros(len(lying), dtype=bool)
-    kept_back[np.flatnonzero(~lying)[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY]] = True
+    held = np.flatnonzero(~lying) if np.count_nonzero(~lying) >= 2 * HELD_OUT_EVERY else np.arange(len(lying))
+    kept_back[held[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY]] = True
     return kept_back

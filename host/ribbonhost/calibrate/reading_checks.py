@@ -28,6 +28,13 @@ OFFSET_MAX_UT = 1.0
 
 def check_readings(readings: Readings, temperatures_c: Sequence[float] = ()) -> None:
     """Refuses readings that no poses can be made of."""
+    back = np.flatnonzero((np.diff(readings.t_s) <= 0) | (np.diff(readings.scan) <= 0))
+    if len(back):
+        raise RefusedError(
+            Reason.RESTARTED,
+            f"the ribbon started anew after {readings.t_s[back[0]]:.0f} s: look at its supply and its plugs "
+            "(`ribbonhost info` says why it last started), then begin again",
+        )
     total = len(readings) + readings.lost
     if len(readings) == 0 or readings.lost > LOST_SHARE * total or readings.rate_hz < RATE_MIN_HZ:
         share = 100 * readings.lost / max(total, 1)

@@ -14,6 +14,7 @@ class Reason(StrEnum):
     """The kinds of bad data."""
 
     LOST_SCANS = "lost_scans"
+    RESTARTED = "restarted"
     DEAD_SLOT = "dead_slot"
     STUCK_SENSOR = "stuck_sensor"
     SATURATED = "saturated"

@@ -156,11 +156,8 @@ def _matrices(calibration: wire.Calibration, axes: int) -> list[Array]:
         parameters = parameters_of(calibration, axes)
     except ValueError as error:
         raise CalibrationError(f"this calibration cannot be used: {error}") from error
-    return [
-        matrix
-        for pair in zip(parameters.accel_matrix, parameters.field_matrix, strict=True)
-        for matrix in pair
-    ]
+    kinds = (parameters.accel_matrix, parameters.field_matrix)
+    return [kinds[slot % 2][slot // 2] for slot in range(len(calibration.slots.offset))]
 
 
 def _errors(calibration: wire.Calibration) -> list[tuple[Array, Array, Array, Array]]:
