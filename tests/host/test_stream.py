@@ -163,7 +163,7 @@ def test_a_ribbon_that_was_reset_is_set_up_again() -> None:
         run.until(lambda _: fakes[1].rate_hz == 100)
         report = run.until(lambda report: report.ribbons[1].aligned)
         run.until(lambda now: now.ribbons[1].counters.frames > report.ribbons[1].counters.frames + 20)
-    assert any("reset" in what for _, what in run.events)
+    assert any("started anew" in what for _, what in run.events)
 
 
 def test_a_ribbon_that_cannot_be_set_up_is_left_out() -> None:
