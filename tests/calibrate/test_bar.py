@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibrate.handled import BAR, calibrate, calibrated, devices, recorded, stays
+from calibrate.handled import BAR, PITCH_M, calibrate, calibrated, devices, recorded, stays
 from ribbonhil.ribbon import EmulatedRibbon
+from ribbonhil.scenes import load_scene
 from ribbonhil.stm32f405.session import Session
 from ribbonhil.truth import Field, quaternions
 from ribbonhil.world import world_truth
@@ -15,6 +16,7 @@ from ribbonhost.calibrate.coverage import coverage_of
 from ribbonhost.calibrate.record import parameters_of
 from ribbonhost.calibrate.refusals import Reason, RefusedError
 from ribbonhost.calibrate.stillness import average
+from ribbonhost.reconstruct import RibbonSolver
 
 
 def test_parameters_and_orientations_are_found_as_well_as_is_said() -> None:
@@ -51,6 +53,35 @@ def test_firmware_that_is_told_the_calibration_says_true_orientations() -> None:
         cosine = np.abs(np.sum(q * packet.nodes.q_world_node, axis=1))
         turned_deg.append(2 * np.degrees(np.arccos(np.clip(cosine, 0, 1))))
     assert np.sqrt(np.mean(np.square(turned_deg))) < 0.5
+
+
+def error_percent(record: wire.Calibration | None) -> float:
+    """Mean E of the ribbon's curve on wing, against where its nodes truly are."""
+    truth = world_truth(load_scene("wing"), 2, Field(), devices=devices()[:3])
+    session = Session(EmulatedRibbon.from_truth(truth.ribbon(0), devices()[0]))
+    session.wait_for_info()
+    if record:
+        session.write_calibration(record)
+    session.run_for(1.0)
+    session.orients.clear()
+    for _ in range(8):
+        session.run_for(0.5)
+    solver = RibbonSolver(PITCH_M, 16)
+    off_m = []
+    for packet in session.orients[::10]:
+        orient = wire.decode(packet)[0]
+        assert isinstance(orient, wire.Orient)
+        node_m = solver.solve(orient.nodes.q_world_node, orient.nodes.valid)
+        true_m = truth.node_from_anchor_m(np.array([orient.t_us * 1e-6]))[0, 0]
+        off_m.append(np.linalg.norm(node_m - true_m, axis=1).mean())
+    return float(100 * np.mean(off_m) / (31 * PITCH_M))
+
+
+def test_a_curve_is_off_by_percents_before_and_by_tenths_of_a_percent_after() -> None:
+    before, after = error_percent(None), error_percent(calibrated().record)
+    print(f"E {before:.2f} % before calibration, {after:.3f} % after")
+    assert before > 2.0
+    assert after < 0.3
 
 
 def test_record_gives_the_parameters_back() -> None:
