@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 COMMAND = [sys.executable, "-c", "from ribbonhost.cli import main; main()"]
-CHROMIUM = Path(__file__).parent / "quiet-chromium"
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or "chromium"
 FLAGS = (
     "--no-sandbox",
     "--use-angle=swiftshader",

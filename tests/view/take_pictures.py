@@ -14,9 +14,10 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.record import Recording
 from ribbonhost.view import View
-from view.commands import CHROMIUM, COMMAND, FLAGS, running
+from view.commands import COMMAND, FLAGS, running
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
+CHROMIUM = Path(__file__).parent / "quiet-chromium"
 
 PAGE = {"width": 1480, "height": 830}
 STREAM_S = 27.0

@@ -9,15 +9,16 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ribbonhost.pipeline.replay import Replay
-from ribbonhost.pipeline.solving import Solved
 from ribbonhost.record import Recording
 from view.commands import COMMAND, Running, running
 from view.reader import Reader
 
 SECONDS = float(os.environ.get("RIBBON_SOAK_VIEW_S", "8"))
 IS_SOAK = SECONDS >= 300
+MOTION = () if IS_SOAK else ("--motion", "off")
 WARM_UP_S = 60.0 if IS_SOAK else 2.0
 GROWTH_MAX_MIB = 5.0 if IS_SOAK else 40.0
 """A short run only shows gross growth: caches and pools still fill."""
@@ -45,7 +46,7 @@ def memory_over_time(command: Running, seconds: float) -> list[float]:
 
 def test_view_and_recording_lose_nothing_and_do_not_grow(tmp_path: Path) -> None:
     file = tmp_path / "long.mcap"
-    with running(tmp_path, "stream", "--emulate", "wing", "--record", file) as command:
+    with running(tmp_path, "stream", "--emulate", "wing", "--record", file, *MOTION) as command:
         quick, slow = Reader(command.url), Reader(command.url, pause_s=1.0)
         command.wait_for("report")
         memory_mib = memory_over_time(command, SECONDS)
@@ -75,14 +76,15 @@ def test_view_and_recording_lose_nothing_and_do_not_grow(tmp_path: Path) -> None
     if IS_SOAK:
         assert share_percent < CORE_MAX_PERCENT
 
-    solved: list[Solved] = []
-    replay = Replay([Recording(file)], on_solved=[lambda frame: solved.__setitem__(slice(None), [frame])])
+    frames: list[float] = []
+    keep = [lambda solved: frames.append(solved.match.t_host_s)]
+    replay = Replay([Recording(file)], motion="off", on_solved=keep)
     for _ in replay.play():
         pass
     report = replay.report()
     assert sum(ribbon.counters.lost for ribbon in report.ribbons) == 0
-    assert report.comb.surfaces >= summary["surfaces"] * 0.999
-    assert solved
+    assert report.comb.surfaces >= summary["surfaces"] * 0.95
+    assert max(np.diff(frames)) < 0.5
 
 
 @pytest.mark.parametrize("option", ["--view-port", "--speed"])
