@@ -26,8 +26,9 @@ help:
 	@echo "make format    put all sources into the project's format"
 	@echo "make clean     remove everything that was built"
 
+# With job control Ctrl-C reaches the stream, which ends by itself, and not make, which would complain.
 stream: setup
-	@$(BIN)/ribbonhost stream --emulate $(SCENE) --view $(if $(SECONDS),--seconds $(SECONDS))
+	@if [ -t 0 ]; then set -m; fi; $(BIN)/ribbonhost stream --emulate $(SCENE) --view $(if $(SECONDS),--seconds $(SECONDS))
 
 setup: $(VENV)/.native $(VENV)/.firmware
 
