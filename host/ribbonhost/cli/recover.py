@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+from ribbonhost.cli.collect import progress_bar
 from ribbonhost.errors import RecordingError
 from ribbonhost.record import Recovered, is_complete, recover
 
@@ -11,7 +12,8 @@ from ribbonhost.record import Recovered, is_complete, recover
 def run_recover(path: Path, output: Path | None, as_json: bool) -> None:
     """Makes a file whole and says what was saved. Raises RecordingError."""
     was_complete = is_complete(path)
-    saved = recover(path, output)
+    with progress_bar("recover") as progress:
+        saved = recover(path, output, progress)
     if as_json:
         print(
             json.dumps(
@@ -43,7 +45,9 @@ def offer_recovery(path: Path) -> None:
     if sys.stdin.isatty() and sys.stderr.isatty():
         print(f"{torn}. Make it whole? [Y/n] ", end="", file=sys.stderr, flush=True)
         if sys.stdin.readline().strip().lower() in ("", "y", "yes"):
-            print(f"{path}: {_said(recover(path))}", file=sys.stderr)
+            with progress_bar("recover") as progress:
+                saved = recover(path, on_progress=progress)
+            print(f"{path}: {_said(saved)}", file=sys.stderr)
             return
     raise RecordingError(f"{torn}; type `ribbonhost recover {path}`, then try again")
 

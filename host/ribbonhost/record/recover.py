@@ -16,6 +16,9 @@ from ribbonhost.record.reader import Recording, RecordReader
 
 T = TypeVar("T")
 
+PROGRESS_MESSAGES = 5000
+"""So often it is told how far it is."""
+
 
 @dataclass(frozen=True)
 class Recovered:
@@ -32,8 +35,12 @@ class Recovered:
     bytes_after: int
 
 
-def recover(path: Path, output: Path | None = None) -> Recovered:
+def recover(
+    path: Path, output: Path | None = None, on_progress: Callable[[float], None] = lambda share: None
+) -> Recovered:
     """Copies all that is intact into a whole file at `output`, or in place of the torn one.
+
+    `on_progress` is told which share, 0 to 1, is done.
 
     The file appears at once, when it is whole. Raises RecordingError if there is nothing to save, the file is
     no recording, or the new one cannot be written.
@@ -50,7 +57,7 @@ def recover(path: Path, output: Path | None = None) -> Recovered:
             index_types=IndexType.CHUNK | IndexType.METADATA,
         )
         writer.start(profile=PROFILE)
-        saved = copy_records(path, writer)
+        saved = copy_records(path, writer, on_progress=on_progress)
         writer.finish()
         return saved
 
@@ -77,7 +84,12 @@ def replace_whole(target: Path, write: Callable[[IO[bytes]], T]) -> T:
     return result
 
 
-def copy_records(path: Path, writer: Any, header: Header | None = None) -> tuple[int, float, int]:
+def copy_records(
+    path: Path,
+    writer: Any,
+    header: Header | None = None,
+    on_progress: Callable[[float], None] = lambda share: None,
+) -> tuple[int, float, int]:
     """Copies what a recording holds to an MCAP writer that was started.
 
     With another header, only the channels of that are copied, and log times are moved as it says. Returns how
@@ -114,6 +126,8 @@ def copy_records(path: Path, writer: Any, header: Header | None = None) -> tuple
                 first_ns = record.log_time if not count else min(first_ns, record.log_time)
                 last_ns = max(last_ns, record.log_time)
                 count += 1
+                if count % PROGRESS_MESSAGES == 0:
+                    on_progress(reader.share)
             case _:
                 pass
     return count, (last_ns - first_ns) / NS, reader.damaged
