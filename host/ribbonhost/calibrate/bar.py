@@ -81,7 +81,7 @@ def calibrate_bar(
     poses, stays = pose_averages(readings, place.field_ut, axes, pitch_m)
     reading_checks.check_stays(stays, reading_checks.POSES_MIN)
     reading_checks.check_attitudes(poses)
-    solution = solve(poses)
+    solution = solve(poses, dip_rad=None if place.dip_deg is None else np.radians(place.dip_deg))
     solution_checks.check_solution(poses, solution, robust_field_cost(poses, solution), place.dip_deg)
     sigma_deg = orientation_sigma_deg(solution, place.field_ut)
     lying = np.linalg.norm(poses.up_face, axis=1) > 0.5

@@ -16,9 +16,10 @@ def tilts(poses: Poses) -> Array:
     return np.array([with_up(u) for u in up])
 
 
-def initial_states(problem: Problem, starts_kept: int) -> list[State]:
+def initial_states(problem: Problem, starts_kept: int, dip_rad: float | None = None) -> list[State]:
     """Starting points: nominal sensors, tilt from the mean of all accelerometers, headings by search.
 
+    dip_rad: a dip to try besides the usual ones.
     The hard iron common to all magnetometers is searched on a grid, and for each value the heading of
     each pose: with it wrong the alternation of the two stops in side minima. The best few are worth a
     descent each.
@@ -33,7 +34,8 @@ def initial_states(problem: Problem, starts_kept: int) -> list[State]:
     radius_ut = poses.field_strength_ut
     radii_ut = (radius_ut, radius_ut * 2 / steps, radius_ut * 4 / steps**2)
     starts: list[tuple[float, Array, Array, float]] = []
-    for dip in np.radians(DIPS_DEG):
+    dips = np.radians(DIPS_DEG) if dip_rad is None else np.append(np.radians(DIPS_DEG), dip_rad)
+    for dip in dips:
         field = np.einsum("ptji,j->pti", attitudes, field_world_ut(poses.field_strength_ut, dip))[..., :axes]
         offset, cost = centre[None], np.zeros(1)
         for radius in radii_ut:

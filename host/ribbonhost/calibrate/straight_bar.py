@@ -36,20 +36,20 @@ OUT_OF_LINE = 16.0
 ROUGH_ITERATIONS = 8
 FAR_OFF = 3.0
 """A pose whose field fits worse than that of most by this factor counts half at first."""
-STARTS = (1, 3)
+STARTS = (1, 5)
 """How many starting points are tried, and how many in all if none of the first explains the readings."""
 CHI2_EXPLAINED = 1.8
 
 _Result = tuple[State, Array, sp.csr_array]
 
 
-def solve(poses: Poses, prior: Prior | None = None) -> Solution:
-    """Finds all sensor parameters and the attitudes of the poses.
+def solve(poses: Poses, prior: Prior | None = None, dip_rad: float | None = None) -> Solution:
+    """Finds all sensor parameters and the attitudes of the poses; dip_rad: where the dip may be looked for.
 
     Raises CalibrationError when the poses do not determine them (numerically singular or no convergence).
     """
     problem = Problem(poses, prior or Prior())
-    states = initial_states(problem, STARTS[1])
+    states = initial_states(problem, STARTS[1], dip_rad)
     best = _best(problem, states[: STARTS[0]])
     if problem.solution(*best).chi2_per_dof > CHI2_EXPLAINED:
         best = min(best, _best(problem, states[STARTS[0] :]), key=_cost)
