@@ -42,6 +42,7 @@ class Reader:
             subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
             max_size=None,
             compression=None,
+            ping_interval=None,  # one that is slow answers late, and stays
         )
         self._socket.send(msgspec.msgpack.encode(CAMERA))
         threading.Thread(target=self._read, daemon=True).start()
