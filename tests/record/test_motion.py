@@ -43,6 +43,15 @@ def mean_error_percent(frames: list[Solved], truth: list[Solved]) -> float:
     return float(np.mean(errors))
 
 
+def lag_s(frames: list[Solved]) -> float:
+    """By how much frames show what was true earlier than they say."""
+    t_s = np.array([frame.match.t_host_s for frame in frames])
+    true_m = np.array([frame.truth_m for frame in frames])
+    velocity_mps = np.gradient(true_m, t_s, axis=0)
+    off_m = true_m - np.array([frame.node_m for frame in frames])
+    return float(np.sum(velocity_mps * off_m) / np.sum(velocity_mps**2))
+
+
 def test_a_wing_of_two_seconds_is_followed_replayed_to_the_last_bit_and_bettered_from_both_sides(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -64,6 +73,8 @@ def test_a_wing_of_two_seconds_is_followed_replayed_to_the_last_bit_and_bettered
     assert all(ribbon.motion and ribbon.motion.level == 0 for ribbon in replay.report().ribbons)
 
     _, smoothed = replayed(path, "offline")
+    assert abs(lag_s(counted)) < 0.001
+
     animation, _ = collect([Recording(path)], lambda share: None, motion="offline")
     assert animation.motion is not None
     speed_mps = np.gradient(animation.node_m, animation.t_s, axis=0)[10:-10]

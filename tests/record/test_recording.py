@@ -21,7 +21,7 @@ from ribbonhost.record.layout import nanoseconds
 
 KILLS = int(os.environ.get("RIBBON_SOAK_KILLS", "4"))
 LOST_MAX_S = 1.0
-EMULATED = ["--emulate", "wing", "--ribbons", "2", "--rate", "50"]
+EMULATED = ["--emulate", "wing", "--ribbons", "2", "--rate", "50", "--motion", "off"]
 PACKET = wire.encode(wire.ClockPong(tag=1, t_host_us=2, t_receive_us=3, t_transmit_us=4))
 
 

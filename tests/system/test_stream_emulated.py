@@ -29,10 +29,19 @@ def height(x_m, y_m, t):
 """
 
 
-def streamed(*arguments: object, seconds: float = SECONDS) -> list[dict[str, Any]]:
+def streamed(*arguments: object, seconds: float = SECONDS, motion: str = "off") -> list[dict[str, Any]]:
     """The lines of `ribbonhost stream ... --json`, which must succeed and say nothing else."""
     done = subprocess.run(
-        [*RIBBONHOST, "stream", *map(str, arguments), "--seconds", str(seconds), "--json"],
+        [
+            *RIBBONHOST,
+            "stream",
+            *map(str, arguments),
+            "--seconds",
+            str(seconds),
+            "--motion",
+            motion,
+            "--json",
+        ],
         capture_output=True,
         text=True,
         timeout=60,
@@ -57,6 +66,24 @@ def test_an_emulated_comb_streams_an_accurate_surface(scene: str, error_limit_pe
     assert 0 < error_percent["min"] <= error_percent["mean"] <= error_limit_percent
     assert [round(report["report"]["t_s"]) for report in reports] == [1, 2]
     assert all(ribbon["aligned"] for ribbon in reports[-1]["report"]["ribbons"])
+
+
+def test_a_comb_in_motion_is_estimated_with_what_the_calibrations_say() -> None:
+    """What it takes to keep up is a core of this computer: that of six ribbons, `make bench` tells."""
+    *reports, last = streamed("--emulate", "wing", "--ribbons", 2, "--rate", 50, motion="live")
+    assert all("note" not in report and "event" not in report for report in reports)
+    for ribbon in reports[-1]["report"]["ribbons"]:
+        assert ribbon["motion"]["estimated"] > 20
+        assert ribbon["motion"]["restarts"] == 0
+    assert last["summary"]["age_ms"] > last["summary"]["latency_ms"]["p50"] + 3
+    assert last["summary"]["error_percent"]["mean"] < 0.15
+
+
+def test_a_link_that_does_not_carry_readings_is_asked_for_less() -> None:
+    *lines, last = streamed("emulated://wing/0?baud=115200", "--rate", 50, seconds=3, motion="live")
+    told = [line["event"]["what"] for line in lines if "event" in line]
+    assert len([what for what in told if "does not carry RAW beside ORIENT" in what]) == 1
+    assert last["summary"]["frames"] > 30
 
 
 def test_a_scene_of_ones_own_streams_as_the_built_in_ones(tmp_path: Path) -> None:
