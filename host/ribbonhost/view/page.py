@@ -13,6 +13,7 @@ from ribbonhost.errors import RibbonError
 from ribbonhost.view.layout import Float64, Layout
 from ribbonhost.view.playhead import Playhead
 from ribbonhost.view.plots import NAMES, WINDOW_S, Plots
+from ribbonhost.view.scene import BRIDGED, REGION, RIBBON, TRUTH
 from ribbonhost.view.settings import SURFACES, Settings
 from ribbonhost.view.shading import ERROR, PLAIN_COLOUR, QUANTITIES
 
@@ -216,6 +217,7 @@ class Page:
                 self._choice("surface", SURFACES, "surface")
                 self._choice("colour", (*colours, PLAIN_COLOUR), "colour")
             self._legend = gui.add_html("")
+            gui.add_html(_key(truth))
             self._toggle("ribbons", "ribbons")
             self._toggle("nodes", "nodes")
             self._toggle("names", "names")
@@ -273,3 +275,13 @@ class Page:
         def _(_: object) -> None:
             setattr(self.settings, name, handle.value)
             self.settings.changed = True
+
+
+def _key(truth: bool) -> str:
+    """What the colours of ribbons mean."""
+    meanings = [(RIBBON, "measured"), (BRIDGED, "invalid, bridged"), (REGION, "95 % region")]
+    if truth:
+        meanings.append((TRUTH, "truth"))
+    spans = (f'<span><span style="color:rgb{colour}">●</span> {text}</span>' for colour, text in meanings)
+    style = "padding:2px 10px 6px;font-size:0.85em;display:flex;flex-wrap:wrap;gap:2px 12px"
+    return f'<div style="{style}">{"".join(spans)}</div>'
