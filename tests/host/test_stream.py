@@ -146,6 +146,7 @@ def test_a_ribbon_that_vanishes_is_told_at_once_and_the_others_go_on() -> None:
     with running(fakes) as run:
         fakes[3].vanish()
         report = run.until(lambda report: report.ribbons[3].state == "gone")
+        run.until(lambda _: run.events)
         assert run.events[0][0] == "at 0.1 m"
         assert "vanished" in run.events[0][1]
         after = run.after_frames(report.comb.frames + 80)

@@ -268,12 +268,13 @@ class Device:
         )
 
     def _on_lost(self, error: LinkLostError) -> None:
-        t_host_s = time.monotonic()
-        if self._observer:
-            self._observer.lost(str(error), t_host_s)
-        self.absences.begin(t_host_s)
-        if self.on_lost:
-            self.on_lost(error)
+        with self._order:
+            t_host_s = time.monotonic()
+            if self._observer:
+                self._observer.lost(str(error), t_host_s)
+            self.absences.begin(t_host_s)
+            if self.on_lost:
+                self.on_lost(error)
         self._info_came.set()
         for pending in tuple(self._pending.values()):
             pending.done.set()

@@ -92,6 +92,13 @@ class Matcher:
             self._new.pop(int(ribbon), None)
         return [int(ribbon) for ribbon in silent]
 
+    def lose(self, ribbon: int) -> bool:
+        """Takes a ribbon whose link is gone out of the live ones, as `expire` does; False if it was out."""
+        was_live = bool(self.live[ribbon])
+        self.live[ribbon] = False
+        self._new.pop(ribbon, None)
+        return was_live
+
     def _match(self) -> Match:
         scans, self._new = self._new, {}
         late = self.live.copy()

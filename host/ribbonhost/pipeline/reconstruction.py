@@ -89,6 +89,12 @@ class Reconstruction:
                 for tell in self._on_solved:
                     tell(solved)
 
+    def lose(self, place: int) -> None:
+        """No longer waits for a ribbon whose link is gone, and no longer holds what it said last."""
+        task, index = self._where[place]
+        if task.matcher.lose(index):
+            self._silent.add(place)
+
     def expire(self, t_host_s: float) -> None:
         """No longer waits for ribbons that were silent for SILENT_S at a host time."""
         for task in self._tasks:

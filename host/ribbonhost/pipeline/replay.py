@@ -95,6 +95,7 @@ class Replay:
         for index, place in enumerate(self.arrangement.places):
             if place.device:
                 place.device.on_scan = lambda scan, index=index: self._reconstruction.take(index, scan)
+                place.device.on_lost = lambda error, index=index: self._reconstruction.lose(index)
 
     def play(self) -> Iterator[float]:
         """Uses one recorded item after the other; yields where it is, seconds, after each.

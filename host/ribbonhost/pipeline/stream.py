@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
-from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.pipeline.arrangement import Arrangement
 from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations, source_of
 from ribbonhost.pipeline.keeper import Keeper
 from ribbonhost.pipeline.poses import MotionMode
@@ -77,7 +77,7 @@ class Stream:
         )
         self._reconnect = reconnect
         self._seeker: Seeker | None = None
-        self._queue: queue.SimpleQueue[tuple[int, Scan]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[int, Scan | LinkLostError]] = queue.SimpleQueue()
         self._dropped = [0] * len(self._places)
         self._estimates = motion != "off"
         self._told_behind = False
@@ -96,7 +96,7 @@ class Stream:
         for index, place in enumerate(self._places):
             if place.device:
                 place.device.on_scan = self._taker(index)
-                place.device.on_lost = self._mourner(place)
+                place.device.on_lost = self._loser(index)
         self._thread.start()
         self._leave_out(self._keeper.start())
         if self._reconnect:
@@ -152,9 +152,14 @@ class Stream:
 
         return take
 
-    def _mourner(self, place: Place) -> Callable[[LinkLostError], None]:
+    def _loser(self, index: int) -> Callable[[LinkLostError], None]:
+        """In its turn among the scans, so that a recording of them gives the same frames."""
+        return lambda error: self._queue.put((index, error))
+
+    def _lose(self, index: int, error: LinkLostError) -> None:
+        self._reconstruction.lose(index)
         looked_for = ": it is looked for until it is back" if self._reconnect else ""
-        return lambda error: self._on_event(place.label, f"{error}{looked_for}")
+        self._on_event(self._places[index].label, f"{error}{looked_for}")
 
     def _welcome(self, device: Device, away_s: float) -> None:
         self._on_event(self._labels[device], f"is back on {device.name} after {away_s:.1f} s")
@@ -172,12 +177,15 @@ class Stream:
     def _work(self) -> None:
         while not self._stopping.is_set():
             try:
-                place, scan = self._queue.get(timeout=POLL_S)
+                place, what = self._queue.get(timeout=POLL_S)
             except queue.Empty:
                 # Scans tell the time while there are any, so that a recording of them gives the same frames.
                 self._reconstruction.expire(time.monotonic() - UNDERWAY_S)
             else:
-                self._reconstruction.take(place, scan)
+                if isinstance(what, LinkLostError):
+                    self._lose(place, what)
+                    continue
+                self._reconstruction.take(place, what)
                 if not self._told_behind and self._queue.qsize() > BEHIND_SCANS:
                     self._told_behind = True
                     self._on_event("stream", self._behind())
