@@ -4,6 +4,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
@@ -19,8 +20,9 @@ from ribbonhost.reconstruct.comb import Method
 QUEUE_SCANS = 1024
 """Scans that may wait for reconstruction; further ones are dropped and counted."""
 
-BEHIND_SCANS = 300
-"""So many waiting scans, half a second of six ribbons, and the user is told, once."""
+BEHIND_SCANS = 120
+"""While so many wait, a fifth of a second of six ribbons, further ones go without their readings: the level
+reading costs next to nothing. The user is told, once."""
 
 POLL_S = 0.1
 UNDERWAY_S = 0.5
@@ -145,8 +147,10 @@ class Stream:
 
     def _taker(self, index: int) -> Callable[[Scan], None]:
         def take(scan: Scan) -> None:
-            if self._queue.qsize() < QUEUE_SCANS:
-                self._queue.put((index, scan))
+            waiting = self._queue.qsize()
+            if waiting < QUEUE_SCANS:
+                is_behind = scan.raw is not None and waiting > BEHIND_SCANS
+                self._queue.put((index, replace(scan, raw=None) if is_behind else scan))
             else:
                 self._dropped[index] += 1
 
@@ -191,5 +195,9 @@ class Stream:
                     self._on_event("stream", self._behind())
 
     def _behind(self) -> str:
-        help_ = "--motion off takes a third of the time, or give" if self._estimates else "give"
-        return f"this computer does not keep up: what is shown is late; {help_} a lower --rate"
+        if self._estimates:
+            return (
+                "this computer does not keep up: motion is estimated in part only; give --motion off, or a "
+                "lower --rate"
+            )
+        return "this computer does not keep up: what is shown is late; give a lower --rate"
