@@ -44,12 +44,13 @@ static int drive(size_t nodes, int field_axes) {
                                           .force_jitter_s = 0.0014,
                                           .field_later_s = 0.012,
                                           .root_jerk = 3.0,
-                                          .twist_jerk = 30.0,
+                                          .twist_jerk = 100.0,
                                           .bend_jerk = 100.0,
                                           .persistence_s = 0.3,
+                                          .offset_persistence_s = 3.0,
                                           .anchor_sigma_mps2 = 1.7,
-                                          .anchor_low_hz = 0.35,
-                                          .anchor_high_hz = 3.0};
+                                          .anchor_low_hz = 0.5,
+                                          .anchor_high_hz = 1.5};
     struct ribbon_motion_tracker tracker;
     struct ribbon_motion_sample *samples = malloc(COUNT * sizeof *samples);
     struct ribbon_motion_step *steps = malloc((COUNT + 1) * sizeof *steps);

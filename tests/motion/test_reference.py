@@ -8,7 +8,8 @@ from ribbonhost.native._native import ffi, lib
 from scipy.spatial.transform import Rotation
 
 PARAMS = MotionParams(field_later_s=0.004)
-STATES = 120
+STATES = 138
+JERK = np.array([1e-6, 3e-6, 1e-7, 2e-6, 5e-7])
 
 
 class Native:
@@ -20,7 +21,7 @@ class Native:
         self.memory = ffi.new("double[]", lib.ribbon_motion_work_bytes() // 8 + 1)
         self.work = ffi.cast("struct ribbon_motion_work *", self.memory)
         self.step = ffi.new("struct ribbon_motion_step *")
-        self.scales = ffi.new("struct ribbon_motion_scales *", [1.0, 1.0, 1.0, 1.0, 0.0])
+        self.scales = ffi.new("struct ribbon_motion_scales *", [1.0, 1.0, 0.5, [1.0] * 5, 1.0, 0.0])
 
     def put(self, state: State, covariance: np.ndarray, t_s: float) -> None:
         for place in (self.step.state, self.step.predicted):
@@ -109,12 +110,12 @@ def test_prediction_agrees(dt_s: float) -> None:
     state.x[reference.block : 3 * reference.block] *= 0.01 / dt_s
     covariance = some_covariance(reference, random, 1e-4)
     native.put(state, covariance, 1.0 - dt_s)
-    native.scales.jerk, native.scales.anchor = 1e-6, 1e-3
+    native.scales.jerk, native.scales.anchor = list(JERK), 1e-3
     sample = one_sample(reference, np.zeros(80)).to_c(16, np.zeros((1, 16)))
     assert lib.ribbon_motion_advance(native.model, sample, native.scales, native.step, native.step) == 0
     after = reference.advance(state, dt_s, np.zeros(3))
     np.testing.assert_allclose(reference.subtract(native.taken(native.step.predicted), after), 0.0, atol=1e-9)
-    expected = reference.advance_covariance(state, covariance, dt_s, np.zeros(3), 1e-6, 1e-3)
+    expected = reference.advance_covariance(state, covariance, dt_s, np.zeros(3), JERK, 0.5, 1e-3)
     # The turn of the anchor's frame during the step is taken halfway: second order in the turn.
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((native.covariance() - expected) / scale).max() < 5e-3

@@ -92,6 +92,6 @@ def reference_s() -> float:
     x[-1] = reference.params.gravity_mps2
     state, covariance = State(np.eye(3), x, np.zeros(3)), 1e-4 * np.eye(reference.states)
     started_s = time.process_time()
-    covariance = reference.advance_covariance(state, covariance, 0.01, np.zeros(3), 1.0, 1.0)
+    covariance = reference.advance_covariance(state, covariance, 0.01, np.zeros(3), np.ones(5), 1.0, 1.0)
     reference.correct(reference.advance(state, 0.01, np.zeros(3)), covariance, samples, 0)
     return time.process_time() - started_s

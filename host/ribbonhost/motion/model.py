@@ -43,6 +43,8 @@ class MotionParams:
     root_jerk, twist_jerk, bend_jerk: how fast the anchor's rotation (rad/s^3), the twist (rad/m/s^3) and the
         curvature (1/m/s^3) may change their ways, a root hertz; scaled to what the samples show.
     persistence_s: how long a rate or an acceleration lasts by itself.
+    offset_persistence_s: how long what calibration has left of an accelerometer's error lasts; how large it
+        is is found from the samples.
     anchor_sigma_mps2, anchor_low_hz, anchor_high_hz: strongest acceleration of an anchor that moves by
         itself, each axis, and its band; whether it moves is found from the samples.
     """
@@ -58,12 +60,13 @@ class MotionParams:
     force_jitter_s: float = 0.0
     field_later_s: float = 0.0
     root_jerk: float = 3.0
-    twist_jerk: float = 30.0
+    twist_jerk: float = 100.0
     bend_jerk: float = 100.0
     persistence_s: float = 0.3
+    offset_persistence_s: float = 3.0
     anchor_sigma_mps2: float = 1.7
-    anchor_low_hz: float = 0.35
-    anchor_high_hz: float = 3.0
+    anchor_low_hz: float = 0.5
+    anchor_high_hz: float = 1.5
 
     @property
     def length_m(self) -> float:

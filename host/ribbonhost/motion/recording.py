@@ -7,6 +7,9 @@ WINDOW = 300
 OVERLAP = 150
 """Samples that a window looks ahead: after so many the past has been forgotten."""
 
+LEARNING = 300
+"""Samples gone over once before all else: their beginning, too, is then estimated with what they teach."""
+
 
 def smooth_recording(samples: Samples, params: MotionParams) -> Motion:
     """The motion at all samples, estimated forward in one go and smoothed in windows that overlap.
@@ -15,6 +18,8 @@ def smooth_recording(samples: Samples, params: MotionParams) -> Motion:
     cannot be, and if the times do not increase.
     """
     tracker = Tracker(params, WINDOW + OVERLAP)
+    tracker.extend(samples[: min(LEARNING, tracker.capacity)])
+    tracker.rewind()
     done = []
     for first in range(0, len(samples), WINDOW):
         tracker.extend(samples[first : first + WINDOW])

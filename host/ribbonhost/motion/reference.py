@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from ribbonhost.motion.model import Float64, MotionParams, Samples
 
 TWIST_MODES, BEND_MODES = 16, 18
+OFFSET_SHAPES = 6
+OFFSETS = 3 * OFFSET_SHAPES
 STEP = 1e-6
 
 
@@ -32,12 +34,15 @@ class Reference:
         self.params = params
         self.slots = 2 * params.node_count
         self.block = 3 + TWIST_MODES + BEND_MODES
-        self.states = 3 * self.block + 9
+        self.states = 3 * self.block + OFFSETS + 9
         zeros = np.zeros
         twist, bend = self._integrals(TWIST_MODES), self._integrals(BEND_MODES)
         self.segment = zeros((self.slots - 1, 3, TWIST_MODES + BEND_MODES))
         self.segment[:, 0, :TWIST_MODES] = twist
         self.segment[:, 1, TWIST_MODES:] = bend
+        u = np.linspace(-1.0, 1.0, params.node_count)
+        powers, signs = np.linalg.qr(np.vander(u, OFFSET_SHAPES, increasing=True))
+        self.offset_shape = powers * np.sign(np.diag(signs))
         low, high = 2 * np.pi * params.anchor_low_hz, 2 * np.pi * params.anchor_high_hz
         rest = 1 / params.persistence_s
         self.anchor_rate: Float64 = np.poly([-low, -low, -high])[:0:-1].astype(np.float64)
@@ -84,12 +89,13 @@ class Reference:
         """What the sensors read in order: forces (n, 3), then fields (n, axes), flat."""
         r, w, acceleration = self.shape(state)
         force = np.einsum("sij,si->sj", r, acceleration + state.x[-3:])
+        offset = self.offset_shape @ state.x[3 * self.block : -9].reshape(OFFSET_SHAPES, 3)
         field = np.einsum(
             "sij,si->sj", r, np.broadcast_to(state.root.T @ np.array(self.params.field_ut), w.shape)
         )
         later = np.cross(field, np.einsum("sij,si->sj", r, w))
         field = field + self.params.field_later_s * later
-        return np.concatenate([force[0::2].ravel(), field[1::2, : self.params.field_axes].ravel()])
+        return np.concatenate([(force[0::2] + offset).ravel(), field[1::2, : self.params.field_axes].ravel()])
 
     def add(self, state: State, d: Float64) -> State:
         """The state moved by an error d (states,)."""
@@ -110,19 +116,30 @@ class Reference:
         blocks = state.x[: 3 * nb].reshape(3, nb)
         turn = f[0, 1] * blocks[1, :3] + f[0, 2] * blocks[2, :3]
         gravity = np.array([0.0, 0.0, self.params.gravity_mps2])
-        anchor = state.x[3 * nb :].reshape(3, 3).copy()
+        anchor = state.x[-9:].reshape(3, 3).copy()
+        offset = state.x[3 * nb : -9] * np.exp(-dt_s / self.params.offset_persistence_s)
         anchor[2] = state.root @ anchor[2] - gravity - state.known_mps2
         anchor = g @ anchor
         root = state.root @ Rotation.from_rotvec(turn).as_matrix()
         anchor[2] = root.T @ (anchor[2] + known_mps2 + gravity)
-        x = np.concatenate([(f @ blocks).ravel(), anchor.ravel()])
+        x = np.concatenate([(f @ blocks).ravel(), offset, anchor.ravel()])
         x[:3] = 0.0
         return State(root, x, known_mps2)
 
     def advance_covariance(
-        self, state: State, covariance: Float64, dt_s: float, known_mps2: Float64, jerk: float, anchor: float
+        self,
+        state: State,
+        covariance: Float64,
+        dt_s: float,
+        known_mps2: Float64,
+        jerk: Float64,
+        offset: float,
+        anchor: float,
     ) -> Float64:
-        """The covariance (states, states) after that time; jerk, anchor: as in ribbon_motion_scales."""
+        """The covariance (states, states) after that time.
+
+        jerk: (5,), offset, anchor: as in ribbon_motion_scales.
+        """
         nb, p, h = self.block, self.params, dt_s
         after = self.advance(state, dt_s, known_mps2)
         columns = [
@@ -135,13 +152,22 @@ class Reference:
             [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
         )
         density = np.concatenate(
-            [np.full(3, p.root_jerk), np.full(TWIST_MODES, p.twist_jerk), np.full(BEND_MODES, p.bend_jerk)]
+            [
+                p.root_jerk**2 * jerk[:3],
+                np.full(TWIST_MODES, p.twist_jerk**2 * jerk[3]),
+                np.full(BEND_MODES, p.bend_jerk**2 * jerk[4]),
+            ]
         )
         noise = np.zeros_like(covariance)
-        noise[: 3 * nb, : 3 * nb] = jerk * np.kron(white, np.diag(density**2))
+        # The jerk of the anchor's rotation is given in its own frame, the rotation in the world.
+        to_world = np.eye(3 * nb)
+        to_world[:3, :3] = state.root @ Rotation.from_rotvec(0.5 * dt_s * state.x[nb : nb + 3]).as_matrix()
+        noise[: 3 * nb, : 3 * nb] = to_world @ np.kron(white, np.diag(density)) @ to_world.T
+        lasting = np.exp(-2 * h / p.offset_persistence_s)
+        noise[3 * nb : -9, 3 * nb : -9] = offset * p.accel_sigma_mps2**2 * (1 - lasting) * np.eye(OFFSETS)
         g = expm(_companion(self.anchor_rate) * dt_s)
         own = anchor * (self.anchor_covariance - g @ self.anchor_covariance @ g.T)
-        noise[3 * nb :, 3 * nb :] = np.kron(own, np.eye(3))
+        noise[-9:, -9:] = np.kron(own, np.eye(3))
         # The noise of rotation and acceleration is given in the world; the state has the force in the frame.
         to_body = np.eye(self.states)
         to_body[-3:, -3:] = after.root.T

@@ -54,9 +54,17 @@ class Tracker:
     @property
     def scales(self) -> dict[str, float]:
         """Variances found from the samples, in units of the parameters': sensors' noise, jerk, anchor."""
+        scales = self._tracker.scales
+        jerks = dict(zip(("root_x", "root_y", "root_z", "twist", "bend"), scales.jerk, strict=True))
         return {
-            name: float(getattr(self._tracker.scales, name))
-            for name in ("force_noise", "field_noise", "jerk", "anchor")
+            name: float(value)
+            for name, value in {
+                "force_noise": scales.force_noise,
+                "field_noise": scales.field_noise,
+                "force_offset": scales.force_offset,
+                **{f"{name}_jerk": value for name, value in jerks.items()},
+                "anchor": scales.anchor,
+            }.items()
         }
 
     def extend(self, samples: Samples) -> None:
@@ -80,6 +88,13 @@ class Tracker:
             self._last = force[-1:], t_s[-1:]
         with np.errstate(all="ignore"):  # values of sensors that are not valid may be anything
             return np.asarray(np.linalg.norm(np.diff(force, axis=0), axis=-1) / np.diff(t_s)[:, None])
+
+    def rewind(self) -> None:
+        """Begins again, with what has been learnt of the sensors and of the motion."""
+        lib.ribbon_motion_tracker_rewind(self._tracker)
+        self._steps[0].status = Status.WAITING
+        self._last = None
+        self.count = 0
 
     def forget(self, count: int) -> None:
         """Drops the steps of the oldest `count` samples."""

@@ -24,6 +24,7 @@ SOURCES = (
     "motion_process.c",
     "motion_filter.c",
     "motion_smooth.c",
+    "motion_learn.c",
     "motion_track.c",
 )
 HEADERS = ("ribbon_native.h", "ribbon_motion.h")

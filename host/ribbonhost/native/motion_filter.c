@@ -110,6 +110,19 @@ static bool add_sensor(size_t axes, size_t columns, double sigma, const double r
     return inlier;
 }
 
+/* What an accelerometer reads less its offset, in the frame of the anchor. */
+static void unbiased_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                           const struct ribbon_motion_state *state, size_t k,
+                           const struct motion_shape *shape, double out[3]) {
+    double force[3];
+    for (size_t d = 0; d < 3; d++) {
+        force[d] = sample->force_mps2[k][d];
+        for (size_t j = 0; j < RIBBON_MOTION_OFFSET_SHAPES; j++)
+            force[d] -= model->offset_shape[j][k] * state->x[3 * model->block + 3 * j + d];
+    }
+    rotate(shape->rotation[2 * k], force, out);
+}
+
 /* Specific force, seen from the anchor: that of the anchor and the acceleration of the shape. */
 static void add_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                       const struct ribbon_motion_state *at, size_t k, const double *offset,
@@ -117,12 +130,14 @@ static void add_force(const struct ribbon_motion_model *model, const struct ribb
     size_t nb = model->block, slot = 2 * k, last = model->states - 3;
     const struct motion_shape *shape = &work->shape;
     double v[3], measured[3], residual[3];
-    rotate(shape->rotation[slot], sample->force_mps2[k], measured);
+    unbiased_force(model, sample, at, k, shape, measured);
     for (size_t d = 0; d < 3; d++) {
         v[d] = shape->acceleration[slot][d] + at->x[last + d];
         residual[d] = measured[d] - v[d];
         memcpy(work->rows[d], work->pull[d], 3 * nb * sizeof(double));
-        memset(work->rows[d] + 3 * nb, 0, 9 * sizeof(double));
+        memset(work->rows[d] + last - 6, 0, 9 * sizeof(double));
+        for (size_t j = 0; j < RIBBON_MOTION_OFFSETS; j++)
+            work->rows[d][3 * nb + j] = shape->rotation[slot][3 * d + j % 3] * model->offset_shape[j / 3][k];
         work->rows[d][last + d] = 1.0;
     }
     /* Turning the node turns the measured vector the other way: + v x turn. */
@@ -240,10 +255,12 @@ static void typical_residuals(const struct ribbon_motion_model *model,
     motion_shape(model, state, false, shape);
     rotate_back(state->root, model->params.field_ut, field);
     for (size_t k = 0; k < model->params.nodes; k++) {
+        fit->force_left[k][0] = NAN;
         if (usable_force(sample, k)) {
-            rotate(shape->rotation[2 * k], sample->force_mps2[k], residual);
+            unbiased_force(model, sample, state, k, shape, residual);
             for (size_t d = 0; d < 3; d++)
                 residual[d] -= shape->acceleration[2 * k][d] + state->x[model->states - 3 + d];
+            memcpy(fit->force_left[k], residual, sizeof residual);
             double sigma = force_sigma(model, sample, k, sums);
             forces[force_count++] = dot(residual, residual) / (MEDIAN_3 * sigma * sigma);
         }
@@ -265,14 +282,41 @@ static void typical_residuals(const struct ribbon_motion_model *model,
     fit->field_residual = quantile(fields, field_count, 0.25);
 }
 
+/* A correction has the covariance that the update takes from the state: with the right jerk its square is, on
+ * average, what is expected. */
+static void judge_corrections(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
+                              const struct ribbon_motion_state *to, const double *x,
+                              const struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
+    double before[3], after[3], square = 0.0;
+    motion_anchor_acceleration(model, from, before);
+    motion_anchor_acceleration(model, to, after);
+    for (int d = 0; d < 3; d++)
+        square += (after[d] - before[d]) * (after[d] - before[d]);
+    double taken = motion_anchor_variance(model, to, work->matrix[0]) -
+                   motion_anchor_variance(model, to, work->matrix[1]);
+    fit->anchor_correction = taken > 0.0 ? square / taken : 1.0;
+    double count[RIBBON_MOTION_JERK_COUNT] = {0.0};
+    for (size_t i = 0; i < model->block; i++) {
+        enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
+        size_t k = 2 * model->block + i;
+        double expected = work->matrix[0][k][k] - work->matrix[1][k][k];
+        if (expected > 0.0) {
+            fit->jerk_correction[kind] += x[k] * x[k] / expected;
+            count[kind] += 1.0;
+        }
+    }
+    for (size_t kind = 0; kind < RIBBON_MOTION_JERK_COUNT; kind++)
+        fit->jerk_correction[kind] = count[kind] > 0.0 ? fit->jerk_correction[kind] / count[kind] : 1.0;
+}
+
 /* Innovation and residuals a degree of freedom. With the information L before, the covariance P after and the
  * correction x, the accelerometers' part in the normalised innovation is their squares less b x, b their part
  * of the right side. The sensors take n - trace(L P) degrees of freedom for the correction, the magnetometers
  * of these trace(N P), N their normal matrix; what they have beside is left for the residuals. */
 static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_state *state, const motion_matrix information,
-                      const double *x, const struct sums *sums, struct ribbon_motion_work *work,
-                      struct ribbon_motion_fit *fit) {
+                      const struct ribbon_motion_state *from, const struct ribbon_motion_state *state,
+                      const motion_matrix information, const double *x, const struct sums *sums,
+                      struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
     double explained = 0.0, explained_field = 0.0, prior = 0.0, fields = 0.0;
     size_t n = model->states, nb = model->block;
     for (size_t i = 0; i < n; i++) {
@@ -285,6 +329,7 @@ static void judge_fit(const struct ribbon_motion_model *model, const struct ribb
         for (size_t j = i; j < nb; j++)
             fields += (i == j ? 1.0 : 2.0) * work->matrix[3][i][j] * work->matrix[1][i][j];
     *fit = sums->fit;
+    judge_corrections(model, from, state, x, work, fit);
     double force_freedom = sums->values - ((double)n - prior - fields);
     /* Overlapping readings are given more noise than each has: that much smaller are the squares expected. */
     double share = sums->values > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / sums->values)) : 0.0;
@@ -345,7 +390,7 @@ int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct 
         motion_add(model, &step->predicted, correction, &at);
         bool last = iteration + 1 == iterations || moved(model, correction, offset) < RELINEARISE_RAD;
         if (last) {
-            judge_fit(model, sample, &at, step->information, correction, &sums, work, fit);
+            judge_fit(model, sample, &step->predicted, &at, step->information, correction, &sums, work, fit);
             break;
         }
     }

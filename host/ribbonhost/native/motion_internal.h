@@ -88,12 +88,16 @@ void motion_add(const struct ribbon_motion_model *model, const struct ribbon_mot
 void motion_subtract(const struct ribbon_motion_model *model, const struct ribbon_motion_state *to,
                      const struct ribbon_motion_state *from, double *d);
 
+/* What the jerk of entry i of the first block belongs to. */
+enum ribbon_motion_jerk motion_jerk_kind(const struct ribbon_motion_model *model, size_t i);
+
 /* The linear step of the error between two states. */
 struct motion_transition {
     const struct ribbon_motion_state *before, *after;
     double dt_s;
     double turn[9];      /* of the anchor, in its own frame */
     double middle[9];    /* orientation at the anchor halfway */
+    double offset;       /* of the accelerometers' offsets */
     double shape[3][3];  /* of rotation, twist and bending with their derivatives, one coordinate */
     double anchor[3][3]; /* of the anchor's position, velocity and acceleration, one axis */
 };
@@ -112,10 +116,25 @@ void motion_both_sides(const struct ribbon_motion_model *model, const struct mot
 /* The anchor's acceleration in the world, of a state and into a state. */
 void motion_anchor_acceleration(const struct ribbon_motion_model *model,
                                 const struct ribbon_motion_state *state, double out[3]);
-/* Its variance, the sum of the three axes. */
-double motion_anchor_variance(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step);
+/* Its variance, the sum of the three axes, if the state has that covariance. */
+double motion_anchor_variance(const struct ribbon_motion_model *model,
+                              const struct ribbon_motion_state *state, const motion_matrix covariance);
 void motion_set_anchor(const struct ribbon_motion_model *model, const double acceleration[3],
                        struct ribbon_motion_state *state);
+
+/* Index of the anchor's nine states, behind the offsets. */
+static inline size_t motion_anchor_index(const struct ribbon_motion_model *model) {
+    return model->states - 9;
+}
+
+/* Scales of a tracker that has seen nothing; those at a start, unless it has learnt in an earlier pass; and
+ * what a sample teaches, which also makes the covariance of its step honest. */
+void motion_learn_nothing(struct ribbon_motion_tracker *tracker);
+void motion_learn_anew(struct ribbon_motion_tracker *tracker, bool still);
+void motion_learn(struct ribbon_motion_tracker *tracker, const struct ribbon_motion_sample *sample,
+                  double dt_s, struct ribbon_motion_step *step, struct ribbon_motion_work *work);
+/* Raises all jerks; false if they cannot be larger. */
+bool motion_livelier(struct ribbon_motion_tracker *tracker);
 
 struct ribbon_motion_work {
     struct motion_shape shape;

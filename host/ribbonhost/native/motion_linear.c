@@ -5,10 +5,20 @@
 
 enum { STRIDE = RIBBON_MOTION_STATE_MAX };
 
+/* Nearly all of the time goes here: on processors that have wider vectors these functions use them. */
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) &&                 \
+    !defined(__SANITIZE_ADDRESS__)
+#define WIDE __attribute__((target_clones("arch=haswell", "default")))
+#define PART static inline __attribute__((always_inline))
+#else
+#define WIDE
+#define PART static inline
+#endif
+
 /* out[j] -= sum over k of coefficient[k * step] * rows[k][j] for j in [first, last). Four rows at a time,
  * which is what keeps the arithmetic busier than the memory. */
-static void subtract_rows(double *restrict out, const double *restrict rows, const double *coefficient,
-                          size_t step, size_t count, size_t first, size_t last) {
+PART void subtract_rows(double *restrict out, const double *restrict rows, const double *coefficient,
+                        size_t step, size_t count, size_t first, size_t last) {
     size_t k = 0;
     for (; k + 4 <= count; k += 4) {
         const double *r = rows + k * STRIDE;
@@ -27,7 +37,7 @@ static void subtract_rows(double *restrict out, const double *restrict rows, con
 
 /* Cholesky a = transpose(U) U, then transpose(U) X = 1 and U Y = X. U replaces the upper triangle of a, X and
  * Y the lower one of the workspace. */
-bool motion_invert(size_t n, motion_matrix a, motion_matrix workspace) {
+WIDE bool motion_invert(size_t n, motion_matrix a, motion_matrix workspace) {
     for (size_t i = 0; i < n; i++) {
         double row[STRIDE];
         memcpy(row + i, a[i] + i, (n - i) * sizeof(double));
@@ -61,7 +71,7 @@ bool motion_invert(size_t n, motion_matrix a, motion_matrix workspace) {
     return true;
 }
 
-void motion_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out) {
+WIDE void motion_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out) {
     for (size_t i = 0; i < n; i++) {
         double *restrict o = out[i];
         memset(o, 0, n * sizeof(double));
@@ -71,7 +81,8 @@ void motion_product(size_t n, const motion_matrix a, const motion_matrix b, moti
     }
 }
 
-void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out) {
+WIDE void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matrix b,
+                                   motion_matrix out) {
     for (size_t i = 0; i < n; i++) {
         double *restrict o = out[i];
         memset(o + i, 0, (n - i) * sizeof(double));
@@ -84,7 +95,7 @@ void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matr
             out[i][j] = out[j][i];
 }
 
-void motion_apply(size_t n, const motion_matrix a, const double *v, double *out) {
+WIDE void motion_apply(size_t n, const motion_matrix a, const double *v, double *out) {
     for (size_t i = 0; i < n; i++) {
         /* Four partial sums: a compiler may not reorder one. */
         double s[4] = {0.0, 0.0, 0.0, 0.0};

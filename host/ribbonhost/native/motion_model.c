@@ -46,6 +46,28 @@ static void anchor_process(struct ribbon_motion_model *model) {
     model->anchor_covariance[0][2] = model->anchor_covariance[2][0] = -velocity;
 }
 
+/* Orthonormal polynomials over the nodes, by Gram and Schmidt. */
+static void offset_shapes(struct ribbon_motion_model *model) {
+    size_t n = model->params.nodes;
+    for (size_t j = 0; j < RIBBON_MOTION_OFFSET_SHAPES; j++) {
+        double *shape = model->offset_shape[j], square = 0.0;
+        for (size_t k = 0; k < n; k++)
+            shape[k] =
+                j == 0 ? 1.0 : model->offset_shape[j - 1][k] * (2.0 * (double)k / (double)(n - 1) - 1.0);
+        for (size_t i = 0; i < j; i++) {
+            double along = 0.0;
+            for (size_t k = 0; k < n; k++)
+                along += shape[k] * model->offset_shape[i][k];
+            for (size_t k = 0; k < n; k++)
+                shape[k] -= along * model->offset_shape[i][k];
+        }
+        for (size_t k = 0; k < n; k++)
+            square += shape[k] * shape[k];
+        for (size_t k = 0; k < n; k++)
+            shape[k] /= sqrt(square);
+    }
+}
+
 static bool positive(double x) {
     return isfinite(x) && x > 0.0;
 }
@@ -59,7 +81,8 @@ int ribbon_motion_model_init(struct ribbon_motion_model *model, const struct rib
                 positive(p->accel_sigma_mps2) && positive(p->field_sigma_ut) && positive(p->root_jerk) &&
                 positive(p->twist_jerk) && positive(p->bend_jerk) && p->force_jitter_s >= 0.0 &&
                 p->force_overlap >= 1.0 && isfinite(p->force_overlap) && isfinite(p->force_jitter_s) &&
-                isfinite(p->field_later_s) && positive(p->persistence_s) && positive(p->anchor_sigma_mps2) &&
+                isfinite(p->field_later_s) && positive(p->persistence_s) &&
+                positive(p->offset_persistence_s) && positive(p->anchor_sigma_mps2) &&
                 positive(p->anchor_low_hz) && positive(p->anchor_high_hz);
     if (!good)
         return RIBBON_MOTION_ERROR_PARAMETER;
@@ -71,7 +94,8 @@ int ribbon_motion_model_init(struct ribbon_motion_model *model, const struct rib
     size_t bend = p->nodes + 2 < RIBBON_MOTION_BEND_MAX ? p->nodes + 2 : RIBBON_MOTION_BEND_MAX;
     model->modes = model->twist_modes + bend;
     model->block = 3 + model->modes;
-    model->states = 3 * model->block + 9;
+    model->states = 3 * model->block + RIBBON_MOTION_OFFSETS + 9;
+    offset_shapes(model);
     segment_integrals(model, 0, model->twist_modes);
     segment_integrals(model, model->twist_modes, bend);
     anchor_process(model);

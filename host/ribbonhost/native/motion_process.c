@@ -61,6 +61,7 @@ void motion_transition(const struct ribbon_motion_model *model, const struct rib
     const double rest = 1.0 / model->params.persistence_s, settling[3] = {0.0, rest * rest, 2.0 * rest};
     chain_transition(settling, h, f->shape);
     chain_transition(model->anchor_rate, h, f->anchor);
+    f->offset = exp(-h / model->params.offset_persistence_s);
     for (size_t d = 0; d < 3; d++)
         turn[d] = f->shape[0][1] * before->x[nb + d] + f->shape[0][2] * before->x[2 * nb + d];
     motion_exp(turn, f->turn);
@@ -125,7 +126,7 @@ static void to_body_transposed(const struct ribbon_motion_model *model,
 static void forward_world(const struct ribbon_motion_model *model, const struct motion_transition *f,
                           double *v) {
     size_t nb = model->block;
-    double turn[3], root[3], *p = v + 3 * nb;
+    double turn[3], root[3], *p = v + motion_anchor_index(model);
     const double (*g)[3] = f->shape;
     for (size_t d = 0; d < 3; d++)
         turn[d] = g[0][1] * v[nb + d] + g[0][2] * v[2 * nb + d];
@@ -136,6 +137,8 @@ static void forward_world(const struct ribbon_motion_model *model, const struct 
         v[nb + i] = g[1][1] * rate + g[1][2] * acceleration;
         v[2 * nb + i] = g[2][1] * rate + g[2][2] * acceleration;
     }
+    for (size_t i = 0; i < RIBBON_MOTION_OFFSETS; i++)
+        v[3 * nb + i] *= f->offset;
     for (size_t d = 0; d < 3; d++) {
         double x = p[d], y = p[3 + d], z = p[6 + d];
         for (size_t r = 0; r < 3; r++)
@@ -145,7 +148,7 @@ static void forward_world(const struct ribbon_motion_model *model, const struct 
 
 void motion_backward(const struct ribbon_motion_model *model, const struct motion_transition *f, double *v) {
     size_t nb = model->block;
-    double root[3], *p = v + 3 * nb;
+    double root[3], *p = v + motion_anchor_index(model);
     const double (*g)[3] = f->shape;
     to_body_transposed(model, f->after, v);
     for (size_t d = 0; d < 3; d++) {
@@ -159,6 +162,8 @@ void motion_backward(const struct ribbon_motion_model *model, const struct motio
         v[nb + i] = g[0][1] * place + g[1][1] * rate + g[2][1] * acceleration;
         v[2 * nb + i] = g[0][2] * place + g[1][2] * rate + g[2][2] * acceleration;
     }
+    for (size_t i = 0; i < RIBBON_MOTION_OFFSETS; i++)
+        v[3 * nb + i] *= f->offset;
     to_world_transposed(model, f->before, v);
 }
 
@@ -169,15 +174,15 @@ void motion_anchor_acceleration(const struct ribbon_motion_model *model,
 }
 
 double motion_anchor_variance(const struct ribbon_motion_model *model,
-                              const struct ribbon_motion_step *step) {
+                              const struct ribbon_motion_state *state, const motion_matrix covariance) {
     size_t n = model->states, last = n - 3;
     double sum = 0.0;
     for (size_t d = 0; d < 3; d++) {
         /* Row d of the map to the world, then its product with the covariance. */
         double row[RIBBON_MOTION_STATE_MAX] = {0.0}, product[RIBBON_MOTION_STATE_MAX];
         row[last + d] = 1.0;
-        to_world_transposed(model, &step->state, row);
-        motion_apply(n, step->covariance, row, product);
+        to_world_transposed(model, state, row);
+        motion_apply(n, covariance, row, product);
         for (size_t j = 0; j < n; j++)
             sum += row[j] * product[j];
     }
@@ -229,19 +234,42 @@ void motion_both_sides(const struct ribbon_motion_model *model, const struct mot
     }
 }
 
+enum ribbon_motion_jerk motion_jerk_kind(const struct ribbon_motion_model *model, size_t i) {
+    if (i < 3)
+        return (enum ribbon_motion_jerk)(RIBBON_MOTION_JERK_ROOT + i);
+    return i < 3 + model->twist_modes ? RIBBON_MOTION_JERK_TWIST : RIBBON_MOTION_JERK_BEND;
+}
+
 static void add_process_noise(const struct ribbon_motion_model *model, const struct motion_transition *f,
                               const struct ribbon_motion_scales *scales, motion_matrix p) {
     const struct ribbon_motion_params *q = &model->params;
-    size_t nb = model->block;
+    size_t nb = model->block, anchor = motion_anchor_index(model);
     double h = f->dt_s, h2 = h * h, h3 = h2 * h;
     const double noise[3][3] = {{h3 * h2 / 20.0, h2 * h2 / 8.0, h3 / 6.0},
                                 {h2 * h2 / 8.0, h3 / 3.0, h2 / 2.0},
                                 {h3 / 6.0, h2 / 2.0, h}};
-    for (size_t i = 0; i < nb; i++) {
-        double jerk = i < 3 ? q->root_jerk : i < 3 + model->twist_modes ? q->twist_jerk : q->bend_jerk;
+    for (size_t i = 3; i < nb; i++) {
+        enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
+        double jerk = kind == RIBBON_MOTION_JERK_TWIST ? q->twist_jerk : q->bend_jerk;
         for (size_t a = 0; a < 3; a++)
             for (size_t b = 0; b < 3; b++)
-                p[a * nb + i][b * nb + i] += scales->jerk * jerk * jerk * noise[a][b];
+                p[a * nb + i][b * nb + i] += scales->jerk[kind] * jerk * jerk * noise[a][b];
+    }
+    /* The anchor's rotation is an error in the world, its rate and acceleration are in the anchor's frame. */
+    for (size_t i = 0; i < 3; i++) {
+        double density = scales->jerk[RIBBON_MOTION_JERK_ROOT + i] * q->root_jerk * q->root_jerk;
+        for (size_t a = 1; a < 3; a++)
+            for (size_t b = 1; b < 3; b++)
+                p[a * nb + i][b * nb + i] += density * noise[a][b];
+        for (size_t r = 0; r < 3; r++) {
+            double along = f->middle[3 * r + i] * density;
+            for (size_t a = 1; a < 3; a++) {
+                p[r][a * nb + i] += along * noise[0][a];
+                p[a * nb + i][r] += along * noise[0][a];
+            }
+            for (size_t c = 0; c < 3; c++)
+                p[r][c] += along * f->middle[3 * c + i] * noise[0][0];
+        }
     }
     /* What the transition takes from the stationary covariance, the noise gives back. */
     double kept[3][3], half[3][3], stationary[3][3], transposed[3][3], transition[3][3];
@@ -254,7 +282,10 @@ static void add_process_noise(const struct ribbon_motion_model *model, const str
     for (size_t a = 0; a < 3; a++)
         for (size_t b = 0; b < 3; b++)
             for (size_t d = 0; d < 3; d++)
-                p[3 * nb + 3 * a + d][3 * nb + 3 * b + d] += scales->anchor * (stationary[a][b] - kept[a][b]);
+                p[anchor + 3 * a + d][anchor + 3 * b + d] += scales->anchor * (stationary[a][b] - kept[a][b]);
+    for (size_t i = 3 * nb; i < anchor; i++)
+        p[i][i] +=
+            (1.0 - f->offset * f->offset) * scales->force_offset * q->accel_sigma_mps2 * q->accel_sigma_mps2;
 }
 
 int ribbon_motion_advance(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,

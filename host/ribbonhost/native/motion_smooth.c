@@ -131,7 +131,7 @@ int ribbon_motion_from_level(const struct ribbon_motion_model *model,
     static const double root_sigma[2][3] = {{5e-4, 0.02, 0.2}, {0.5, 3.0, 30.0}};
     static const double mode_sigma[2][3] = {{0.01, 0.2, 2.0}, {3.0, 30.0, 300.0}};
     const double *root = root_sigma[!sample->level_still], *mode = mode_sigma[!sample->level_still];
-    size_t nb = model->block;
+    size_t nb = model->block, anchor = motion_anchor_index(model);
     memset(step->covariance, 0, sizeof step->covariance);
     for (size_t a = 0; a < 3; a++) {
         for (size_t i = 0; i < nb; i++) {
@@ -140,9 +140,12 @@ int ribbon_motion_from_level(const struct ribbon_motion_model *model,
         }
         for (size_t b = 0; b < 3; b++)
             for (size_t d = 0; d < 3; d++)
-                step->covariance[3 * nb + 3 * a + d][3 * nb + 3 * b + d] =
+                step->covariance[anchor + 3 * a + d][anchor + 3 * b + d] =
                     scales->anchor * model->anchor_covariance[a][b];
     }
+    double offset = model->params.accel_sigma_mps2;
+    for (size_t i = 3 * nb; i < anchor; i++)
+        step->covariance[i][i] = scales->force_offset * offset * offset;
     struct motion_transition f = {.before = state, .after = state};
     motion_both_sides(model, &f, false, step->covariance);
     return 0;

@@ -35,8 +35,18 @@ enum ribbon_motion_limit {
     RIBBON_MOTION_SLOT_MAX = 64, /* two a node */
     RIBBON_MOTION_TWIST_MAX = 16,
     RIBBON_MOTION_BEND_MAX = 18,
-    RIBBON_MOTION_BLOCK_MAX = 37, /* anchor rotation, twist, bending */
-    RIBBON_MOTION_STATE_MAX = 120 /* three blocks and nine of the anchor's place */
+    RIBBON_MOTION_BLOCK_MAX = 37,    /* anchor rotation, twist, bending */
+    RIBBON_MOTION_OFFSET_SHAPES = 6, /* polynomials along the ribbon */
+    RIBBON_MOTION_OFFSETS = 18,      /* of each axis of the node frame */
+    RIBBON_MOTION_STATE_MAX = 138    /* three blocks, the offsets, nine of the anchor's place */
+};
+
+/* What has a jerk of its own: each axis of the anchor's rotation in its frame, twist, bending. */
+enum ribbon_motion_jerk {
+    RIBBON_MOTION_JERK_ROOT = 0,
+    RIBBON_MOTION_JERK_TWIST = 3,
+    RIBBON_MOTION_JERK_BEND = 4,
+    RIBBON_MOTION_JERK_COUNT = 5
 };
 
 /* How a ribbon is built, how well it measures, and how it may move. */
@@ -53,11 +63,12 @@ struct ribbon_motion_params {
     double force_jitter_s; /* standard deviation of the instants at which the accelerometers sample */
     double field_later_s;  /* by which the magnetometers sample later than the accelerometers on average */
     /* Square root of the spectral density of the white third derivative: how fast it may change its ways. */
-    double root_jerk;         /* of the anchor's rotation, rad/s^3 a root hertz */
-    double twist_jerk;        /* of the twist, rad/m/s^3 a root hertz */
-    double bend_jerk;         /* of the curvature, 1/m/s^3 a root hertz */
-    double persistence_s;     /* how long a rate or an acceleration lasts by itself */
-    double anchor_sigma_mps2; /* standard deviation of the anchor's acceleration when it moves by itself */
+    double root_jerk;            /* of the anchor's rotation, rad/s^3 a root hertz */
+    double twist_jerk;           /* of the twist, rad/m/s^3 a root hertz */
+    double bend_jerk;            /* of the curvature, 1/m/s^3 a root hertz */
+    double persistence_s;        /* how long a rate or an acceleration lasts by itself */
+    double offset_persistence_s; /* how long what calibration left of an accelerometer's error lasts */
+    double anchor_sigma_mps2;    /* standard deviation of the anchor's acceleration when it moves by itself */
     double anchor_low_hz, anchor_high_hz; /* the band it lies in */
 };
 
@@ -67,6 +78,7 @@ struct ribbon_motion_model {
     size_t slots, modes, twist_modes, block, states;
     /* Integral of each mode over the segment between slots i and i + 1. */
     double segment[RIBBON_MOTION_SLOT_MAX][RIBBON_MOTION_BLOCK_MAX];
+    double offset_shape[RIBBON_MOTION_OFFSET_SHAPES][RIBBON_MOTION_NODE_MAX]; /* orthonormal polynomials */
     double anchor_rate[3];          /* coefficients of the anchor's third-order process, see docs/motion.md */
     double anchor_covariance[3][3]; /* stationary, one axis: position, velocity, acceleration */
 };
@@ -119,18 +131,23 @@ struct ribbon_motion_step {
 
 /* Variances as they are found to be, in units of those that the parameters say. */
 struct ribbon_motion_scales {
-    double force_noise; /* of the accelerometers */
-    double field_noise; /* of the magnetometers */
-    double jerk;        /* of rotation, twist and bending */
-    double anchor;      /* of the anchor's acceleration */
-    double slack_mps2;  /* standard deviation added to the accelerometers' noise */
+    double force_noise;                    /* of the accelerometers */
+    double field_noise;                    /* of the magnetometers */
+    double force_offset;                   /* of what lasts in the accelerometers' errors */
+    double jerk[RIBBON_MOTION_JERK_COUNT]; /* of enum ribbon_motion_jerk */
+    double anchor;                         /* of the anchor's acceleration */
+    double slack_mps2;                     /* standard deviation added to the accelerometers' noise */
 };
 
 /* How a sample fitted what was predicted. Outliers are sensors further off than the gate. */
 struct ribbon_motion_fit {
     double force_innovation, field_innovation; /* normalised and squared, a degree of freedom: near 1 */
     double force_residual,
-        field_residual;            /* what the corrected state leaves unexplained, the same: their noise */
+        field_residual; /* what the corrected state leaves unexplained, the same: their noise */
+    /* Squared correction of the accelerations that each jerk drives, in units of the one expected. */
+    double jerk_correction[RIBBON_MOTION_JERK_COUNT], anchor_correction;
+    double force_left[RIBBON_MOTION_NODE_MAX]
+                     [3];          /* residuals of the accelerometers, frame of the anchor; NaN */
     size_t forces, force_outliers; /* accelerometers that were valid, and of them outliers */
     size_t fields, field_outliers; /* magnetometers */
 };
@@ -208,8 +225,14 @@ struct ribbon_motion_tracker {
     double unsure_s;             /* time of the last start or shock */
     double ill_s;                /* for how long the samples have not fitted */
     double misfit, field_misfit; /* innovations of the last fraction of a second, running means */
-    double anchor_test; /* how strongly the samples ask for an anchor that moves more: near 1 if not */
-    struct ribbon_motion_scales scales;             /* found from the samples */
+    double jerk_test[RIBBON_MOTION_JERK_COUNT];   /* squares of the corrections in units of those expected */
+    double force_left[RIBBON_MOTION_NODE_MAX][3]; /* residuals of the sample before */
+    double left_square, left_change;              /* of them and of their change, running means */
+    double anchor_correction;                     /* the same of the anchor's acceleration */
+    double anchor_power; /* mean square of the anchor's acceleration, units of its greatest variance */
+    double anchor_test;  /* how strongly the samples ask for an anchor that moves more: near 1 if not */
+    struct ribbon_motion_scales scales; /* found from the samples */
+    int32_t has_learnt;                 /* scales are those of an earlier pass: the next start keeps them */
     uint64_t samples, restarts, outliers, rejected; /* counts; rejected: samples out of order */
     struct ribbon_motion_fit fit;                   /* of the last sample */
 };
@@ -217,6 +240,9 @@ struct ribbon_motion_tracker {
 /* Returns 0, or RIBBON_MOTION_ERROR_COUNT or _PARAMETER. */
 int ribbon_motion_tracker_init(struct ribbon_motion_tracker *tracker,
                                const struct ribbon_motion_params *params);
+
+/* Makes the tracker ready to begin again, with what it has learnt of the sensors and of the motion. */
+void ribbon_motion_tracker_rewind(struct ribbon_motion_tracker *tracker);
 
 /* Takes the tracker from `before` (null at first) over one sample to `after`, which must be another.
  *  1. Returns the status; after RIBBON_MOTION_STARTED `before` has no part in `after`, after
