@@ -82,7 +82,8 @@ class Scene:
             "/truth",
             np.zeros((segments, 2, 3), np.float32),
             colors=TRUTH,
-            thickness=2.0,
+            thickness=2.5,
+            thickness_units="screen",
             visible=False,
         )
         self._names = [
