@@ -73,6 +73,12 @@ def share_of_ribbons(pixels: NDArray[np.int16]) -> float:
     return float(np.mean((spread < 30) & (pixels.min(axis=-1) > 130)))
 
 
+def share_of_truth(pixels: NDArray[np.int16]) -> float:
+    """Of the picture: pink."""
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    return float(np.mean((red > 150) & (red - green > 60) & (blue - green > 40)))
+
+
 def press(page: Page, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).click()
 
@@ -85,6 +91,10 @@ def check_the_picture(page: Page) -> None:
     choose(page, "smooth", "none")
     until(page, lambda: share_of_surface(picture(page)) < 0.02, "no surface")
     assert share_of_ribbons(picture(page)) > 0.003
+    page.get_by_label("truth", exact=True).click()
+    until(page, lambda: share_of_truth(picture(page)) > 0.0005, "the truth")
+    assert share_of_truth(picture(page, "truth")) < 0.05
+    page.get_by_label("truth", exact=True).click()
     choose(page, "none", "smooth")
     until(page, lambda: share_of_surface(picture(page)) > 0.05, "a surface again")
 
