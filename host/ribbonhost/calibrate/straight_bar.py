@@ -36,7 +36,7 @@ OUT_OF_LINE = 16.0
 ROUGH_ITERATIONS = 8
 FAR_OFF = 3.0
 """A pose whose field fits worse than that of most by this factor counts half at first."""
-STARTS = (1, 5)
+STARTS = (1, 8)
 """How many starting points are tried, and how many in all if none of the first explains the readings."""
 CHI2_EXPLAINED = 1.8
 
