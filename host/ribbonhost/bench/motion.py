@@ -9,6 +9,11 @@ import typer
 if TYPE_CHECKING:
     from ribbonhost.bench.motion_results import Result
 
+MARKDOWN_HEADER = (
+    "| case | level | live mean | max | two-sided mean | max | inside 95 %: live | two-sided |\n"
+    + "|---" * 8
+    + "|"
+)
 HEADER = f"{'mean and largest E, %':50} {'level':>8} {'live':>15} {'two-sided':>15} {'inside 95 %':>13}"
 
 
@@ -24,6 +29,9 @@ def motion(
     plots: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Save a plot of each case there; needs matplotlib.")
     ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the table as docs/motion.md shows it.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Exit with 1 if a figure is not reached.")] = False,
 ) -> None:
     """Motion on emulated ribbons, one setting for all: mean and largest error, percent of the length."""
@@ -46,7 +54,9 @@ def motion(
             result = evaluate(goal)
             results.append(result)
             failures += result.failures()
-            if not json_output:
+            if markdown and not json_output:
+                typer.echo((MARKDOWN_HEADER + "\n" if len(results) == 1 else "") + _row(result))
+            elif not json_output:
                 typer.echo((HEADER + "\n" if len(results) == 1 else "") + _line(result))
             if plots:
                 _plot(result, plots)
@@ -90,6 +100,19 @@ def _line(result: "Result") -> str:
         f"{result.coverage_live:6.1f} {result.coverage_two_sided:6.1f}"
         + ("" if isnan(result.lagged) else f"\n    with a lag of 0.2 s: {result.lagged:.3f}")
         + "".join(f"\n    not reached: {failure}" for failure in result.failures())
+    )
+
+
+def _row(result: "Result") -> str:
+    lagged = "" if isnan(result.lagged) else f" (with a lag of 0.2 s: {result.lagged:.3f})"
+    errors = [
+        f"{value:.3f}"
+        for name in ("live", "two_sided")
+        for value in (result.mean(name), result.largest(name))
+    ]
+    return (
+        f"| {result.goal.case.name}{lagged} | {result.mean('level'):.3f} | {' | '.join(errors)} | "
+        f"{result.coverage_live:.1f} | {result.coverage_two_sided:.1f} |"
     )
 
 

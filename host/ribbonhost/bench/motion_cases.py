@@ -47,7 +47,7 @@ def goals() -> list[Goal]:
         for seed in range(3):
             name = _named(scene, 2.0, "motion", f"leftover calibration {seed}")
             case = Case(name, scene, 2.0, trouble=("leftover calibration",), seed=seed)
-            found.append(Goal(case, None, 0.25, lagged=0.25))
+            found.append(Goal(case, 0.25, 0.25, lagged=0.25))
         for what, limit, trouble in (
             ("lost frames", 0.1, ("lost frames",)),
             ("dead and magnetised nodes", 0.15, ("dead nodes", "magnetised nodes")),
