@@ -26,8 +26,8 @@ LIGHT = ("--motion", "off")
 PATIENCE_S = 90.0
 """Whatever comes takes a moment, but not on a machine that has other work to do."""
 
-SIZE = {"width": 1040, "height": 560}
-CANVAS = (slice(190, 540), slice(440, 720))
+SIZE = {"width": 980, "height": 440}
+CANVAS = (slice(190, 430), slice(450, 660))
 """Rows and columns of a screenshot that hold the picture and neither panels nor notices."""
 
 
