@@ -33,7 +33,7 @@
  * device calls still, slow as it may move. */
 #define JERK_STILL     1e-4
 #define JERK_MIN       3e-3
-#define JERK_MIN_STILL 3e-6
+#define JERK_MIN_STILL 3e-4
 #define JERK_MAX       100.0
 /* Change a second and unit of surplus: of all when the sample does not fit, of each by its own corrections.
  */
