@@ -71,7 +71,8 @@ def test_mistakes_are_one_sentence_and_exit_with_2(
     tmp_path: Path, arguments: list[str], complaint: str
 ) -> None:
     places = {"empty": tmp_path / "empty.bin", "large": tmp_path / "large.bin", "image": built()}
-    places["binary"] = built().with_suffix(".bin")
+    places["binary"] = tmp_path / "ribbon.bin"
+    places["binary"].write_bytes(bytes(4096))
     places["empty"].write_bytes(b"")
     places["large"].write_bytes(bytes(1 << 20) + b"!")
     result = ribbonhil(*(argument.format(**places) for argument in arguments))

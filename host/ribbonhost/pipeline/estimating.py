@@ -150,18 +150,16 @@ class _Ribbon:
         self.counts = MotionCounts()
         self._readings = Readings(place, rate_hz, calibration, on_event)
         self._motion: LiveMotion | None = None
-        self._latest: Scan | None = None
         self._restarts = 0
 
     def pose(self, scan: Scan, known_mps2: Float64) -> Pose:
         """The pose of the next scan. known_mps2: (3,) acceleration of the ribbon's anchor."""
-        if scan.raw and self._readings.begins_anew(scan, self._latest):
+        read, begins_anew = self._readings.take(scan)
+        if begins_anew:
             self._restarts = self.counts.restarts + bool(self._motion)
             params = self._readings.params(scan)
             self._motion = LiveMotion(params) if params else None
-        if scan.raw:
-            self._latest = scan
-        if self._motion and (read := with_readings(scan, self._latest)):
+        if self._motion and read:
             pose = self._estimated(self._motion, read, known_mps2)
             if pose:
                 self.counts.estimated += scan.raw is not None
@@ -175,15 +173,6 @@ class _Ribbon:
         moved = motion.update(samples)
         self.counts.restarts = self._restarts + motion.counters["restarts"]
         return pose_of(moved, 0, read_s(scan)) if moved else None
-
-
-def with_readings(scan: Scan, latest: Scan | None) -> Scan | None:
-    """The scan; if its readings did not come, with none of use, for PREDICTED_S after the latest that did."""
-    if scan.raw:
-        return scan
-    if not latest or not latest.raw or scan.t_device_us - latest.t_device_us > 1e6 * PREDICTED_S:
-        return None
-    return replace(scan, raw=without_readings(latest.raw))
 
 
 def read_s(scan: Scan) -> float:
@@ -212,13 +201,30 @@ class Readings:
         self._calibration = calibration
         self._on_event = on_event
         self._sampler: Sampler | None = None
+        self._latest: Scan | None = None
+        self._taken_us = 0
 
-    def begins_anew(self, scan: Scan, before: Scan | None) -> bool:
-        """Whether an estimator cannot go on from the scan with readings before: the first, one of other
-        timing, or after a reset of the clock."""
-        if not before or not before.raw or not scan.raw:
-            return True
-        return scan.t_device_us <= before.t_device_us or _timing(scan.raw) != _timing(before.raw)
+    def take(self, scan: Scan) -> tuple[Scan | None, bool]:
+        """What of the next scan an estimator is to be given, and whether one has to begin anew with it.
+
+        That is the scan; if its readings did not come, the scan with none of use, for PREDICTED_S after the
+        latest that did; then None. It begins anew with the first readings, with those of another timing, and
+        with those that are not later than all before, as after a reset of the clock.
+        """
+        latest = self._latest.raw if self._latest else None
+        if scan.raw:
+            begins_anew = (
+                not latest or _timing(scan.raw) != _timing(latest) or _read_us(scan) <= self._taken_us
+            )
+            self._latest, self._taken_us = scan, _read_us(scan)
+            return scan, begins_anew
+        if not self._latest or not latest or scan.t_device_us - self._latest.t_device_us > 1e6 * PREDICTED_S:
+            return None, False
+        read = replace(scan, raw=without_readings(latest))
+        if _read_us(read) <= self._taken_us:
+            return None, False
+        self._taken_us = _read_us(read)
+        return read, False
 
     def params(self, scan: Scan) -> MotionParams | None:
         """Parameters from a scan on; None, and told, for a ribbon that cannot be estimated."""
@@ -239,6 +245,11 @@ class Readings:
         assert self._sampler
         pairs = [(s.raw, wire.NodeArray(s.q_world_node, s.valid, s.quality)) for s in scans if s.raw]
         return self._sampler.samples(pairs, 1e-6 * np.array([scan.t_device_us for scan in scans]))
+
+
+def _read_us(scan: Scan) -> int:
+    """Device time of the accelerometers' readings of a scan, on average."""
+    return scan.t_device_us - (scan.raw.accel_age_us if scan.raw else 0)
 
 
 def _timing(raw: wire.Raw) -> tuple[int, ...]:

@@ -16,7 +16,6 @@ from ribbonhost.pipeline.estimating import (
     Readings,
     pose_of,
     read_s,
-    with_readings,
 )
 from ribbonhost.pipeline.poses import Float64, MotionCounts, Pose, reading_of
 
@@ -99,14 +98,11 @@ class SmoothedPoses:
 def _parts(scans: Sequence[Scan], readings: Readings) -> list[list[tuple[Scan, Scan | None]]]:
     """Scans, each with what serves as its readings, in parts that are estimated each by itself."""
     parts: list[list[tuple[Scan, Scan | None]]] = []
-    latest: Scan | None = None
     for scan in scans:
-        if not parts or (scan.raw and latest and readings.begins_anew(scan, latest)):
+        read, begins_anew = readings.take(scan)
+        if not parts or begins_anew:
             parts.append([])
-            latest = None
-        if scan.raw:
-            latest = scan
-        parts[-1].append((scan, with_readings(scan, latest)))
+        parts[-1].append((scan, read))
     return parts
 
 
