@@ -90,7 +90,7 @@ class StreamOptions:
             metavar="off|live",
             help="live: estimate the ribbons' motion from their readings; off: take these for a level.",
         ),
-    ] = "live"
+    ] = "off"
     baud: BaudOption = 921_600
     reconnect: Annotated[
         bool, typer.Option(help="Look for ribbons whose ports vanish, and go on when they are back.")
