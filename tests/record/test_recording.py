@@ -142,7 +142,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(tmp_path: Path) -> No
     assert "File too large" in events[0]["what"]
     assert f"{path} holds what was recorded until then; the stream goes on" in events[0]["what"]
     summary = next(line["summary"] for line in lines if "summary" in line)
-    assert summary["surfaces"] >= 0.9 * 3 * 50
+    assert summary["surfaces"] >= 0.7 * 3 * 50
     assert lines[-1]["recording"]["ended"] == "File too large"
     assert path.stat().st_size <= limit
     assert is_complete(path)

@@ -104,7 +104,7 @@ def test_the_command_replays_at_the_speed_that_is_asked_for(wing: Path, command:
     done = command("replay", wing, "--speed", "0", "--json")
     assert done.returncode == 0, done.stderr
     *reports, last = [json.loads(line) for line in done.stdout.splitlines()]
-    assert last["summary"]["surfaces"] >= 0.95 * 4 * 100
+    assert last["summary"]["surfaces"] >= 0.8 * 4 * 100
     assert last["summary"]["lost"] == 0
     assert [round(line["report"]["t_s"]) for line in reports if "report" in line][:3] == [1, 2, 3]
     begin_s = time.monotonic()
