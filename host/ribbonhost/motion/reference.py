@@ -35,11 +35,12 @@ class Reference:
         self.slots = 2 * params.node_count
         self.block = 3 + TWIST_MODES + BEND_MODES
         self.states = 3 * self.block + OFFSETS + 9
-        zeros = np.zeros
-        twist, bend = self._integrals(TWIST_MODES), self._integrals(BEND_MODES)
+        zeros, zeros_like = np.zeros, np.zeros_like
         self.segment = zeros((self.slots - 1, 3, TWIST_MODES + BEND_MODES))
-        self.segment[:, 0, :TWIST_MODES] = twist
-        self.segment[:, 1, TWIST_MODES:] = bend
+        self.moment = zeros_like(self.segment)
+        for axis, first, count in ((0, 0, TWIST_MODES), (1, TWIST_MODES, BEND_MODES)):
+            part = slice(first, first + count)
+            self.segment[:, axis, part], self.moment[:, axis, part] = self._integrals(count)
         u = np.linspace(-1.0, 1.0, params.node_count)
         powers, signs = np.linalg.qr(np.vander(u, OFFSET_SHAPES, increasing=True))
         self.offset_shape = powers * np.sign(np.diag(signs))
@@ -50,19 +51,26 @@ class Reference:
         covariance = solve_continuous_lyapunov(_companion(self.anchor_rate), -np.diag([0.0, 0.0, 1.0]))
         self.anchor_covariance = covariance * params.anchor_sigma_mps2**2 / covariance[2, 2]
 
-    def _integrals(self, count: int) -> Float64:
-        """(slots - 1, count) integrals of uniform cubic B-splines over the segments."""
+    def _integrals(self, count: int) -> tuple[Float64, Float64]:
+        """(slots - 1, count) integrals of uniform cubic B-splines over the segments, and their first moments
+        about the middle of each in units of the pitch."""
         s = np.arange(self.slots) * self.params.pitch_m
         knots = s[-1] / (count - 3) * np.arange(-3, count + 1)
-        value = [BSpline(knots, row, 3).antiderivative()(s) for row in np.eye(count)]
-        return np.diff(np.array(value), axis=1).T
+        splines = [BSpline(knots, row, 3) for row in np.eye(count)]
+        once, twice = (np.array([b.antiderivative(order)(s) for b in splines]).T for order in (1, 2))
+        mean = (once[:-1] + once[1:]) / 2
+        return np.diff(once, axis=0), mean - np.diff(twice, axis=0) / self.params.pitch_m
 
     def shape(self, state: State) -> tuple[Float64, Float64, Float64]:
         """Orientation (S, 3, 3), angular rate and acceleration (S, 3) of all slots, anchor's frame."""
         nb = self.block
-        turn, speed, jolt = (
-            np.einsum("saj,j->sa", self.segment, state.x[i * nb + 3 : (i + 1) * nb]) for i in range(3)
-        )
+        blocks = state.x[: 3 * nb].reshape(3, nb)[:, 3:]
+        turn, speed, jolt = np.einsum("saj,ij->isa", self.segment, blocks)
+        # Twist and bending do not commute: second term of the Magnus expansion, and its time derivatives.
+        moment, moving, jolting = np.einsum("saj,ij->isa", self.moment, blocks)
+        jolt = jolt + np.cross(jolt, moment) + 2 * np.cross(speed, moving) + np.cross(turn, jolting)
+        speed = speed + np.cross(speed, moment) + np.cross(turn, moving)
+        turn = turn + np.cross(turn, moment)
         rotation, rate, angular = [np.eye(3)], [state.x[nb : nb + 3]], [state.x[2 * nb : 2 * nb + 3]]
         for i in range(self.slots - 1):
             half = Rotation.from_rotvec(turn[i] / 2).as_matrix()

@@ -5,26 +5,31 @@
 
 #define PI 3.14159265358979323846
 
-/* Integral from -infinity to u of the uniform cubic B-spline whose support is [0, 4]. */
-static double bspline_integral(double u) {
+/* The uniform cubic B-spline whose support is [0, 4], integrated once or twice from -infinity to u. */
+static double bspline_integral(double u, int times) {
     static const double binomial[5] = {1.0, -4.0, 6.0, -4.0, 1.0};
     if (u >= 4.0)
-        return 1.0;
+        return times == 1 ? 1.0 : u - 2.0;
     double sum = 0.0;
-    for (int i = 0; i < 5 && u > i; i++)
-        sum += binomial[i] * (u - i) * (u - i) * (u - i) * (u - i);
+    for (int i = 0; i < 5 && u > i; i++) {
+        double v = u - i, power = v * v * v * v;
+        sum += binomial[i] * (times == 1 ? power : power * v / 5.0);
+    }
     return sum / 24.0;
 }
 
-/* Integrals of `count` B-splines that cover the ribbon, over each segment. */
+/* Integral and first moment about its middle, over each segment, of `count` B-splines that cover the ribbon.
+ */
 static void segment_integrals(struct ribbon_motion_model *model, size_t first, size_t count) {
     double intervals = (double)(count - 3), segments = (double)(model->slots - 1);
-    double spacing = segments * model->params.pitch_m / intervals;
+    double width = intervals / segments, spacing = model->params.pitch_m / width;
     for (size_t i = 0; i + 1 < model->slots; i++)
         for (size_t j = 0; j < count; j++) {
-            double u = (double)i * intervals / segments + 3.0 - (double)j;
-            model->segment[i][first + j] =
-                spacing * (bspline_integral(u + intervals / segments) - bspline_integral(u));
+            double u = (double)i * width + 3.0 - (double)j;
+            double before = bspline_integral(u, 1), after = bspline_integral(u + width, 1);
+            double mean = (bspline_integral(u + width, 2) - bspline_integral(u, 2)) / width;
+            model->segment[i][first + j] = spacing * (after - before);
+            model->moment[i][first + j] = spacing * (0.5 * (before + after) - mean);
         }
 }
 
@@ -143,15 +148,27 @@ struct running {
     double angular[3][3 * BLOCK];
 };
 
-/* Twist about the tangent and bending about the binormal of a segment, from coefficients `c`. */
-static void segment_vector(const struct ribbon_motion_model *model, size_t i, const double *c,
-                           double out[3]) {
-    const double *s = model->segment[i];
-    out[0] = out[1] = out[2] = 0.0;
-    for (size_t j = 0; j < model->twist_modes; j++)
-        out[0] += s[j] * c[j];
-    for (size_t j = model->twist_modes; j < model->modes; j++)
-        out[1] += s[j] * c[j];
+/* Twist about the tangent and bending about the binormal of a segment from coefficients `c`: integral and
+ * moment. */
+static void segment_vector(const struct ribbon_motion_model *model, size_t i, const double *c, double out[3],
+                           double moment[2]) {
+    const double *s = model->segment[i], *m = model->moment[i];
+    out[0] = out[1] = out[2] = moment[0] = moment[1] = 0.0;
+    for (size_t j = 0; j < model->modes; j++) {
+        size_t axis = j < model->twist_modes ? 0 : 1;
+        out[axis] += s[j] * c[j];
+        moment[axis] += m[j] * c[j];
+    }
+}
+
+/* Twist and bending do not commute: where one changes along a segment relative to the other, the segment
+ * turns about its normal, too (second term of the Magnus expansion). v: integrals, m: moments; place, rate,
+ * acceleration. */
+static void turn_in_plane(double v[3][3], double m[3][2]) {
+    v[0][2] = v[0][0] * m[0][1] - v[0][1] * m[0][0];
+    v[1][2] = v[1][0] * m[0][1] - v[1][1] * m[0][0] + v[0][0] * m[1][1] - v[0][1] * m[1][0];
+    v[2][2] = v[2][0] * m[0][1] - v[2][1] * m[0][0] + v[0][0] * m[2][1] - v[0][1] * m[2][0] +
+              2.0 * (v[1][0] * m[1][1] - v[1][1] * m[1][0]);
 }
 
 /* Carries the derivatives over segment i: u, u2 are its relative angular rate and acceleration, w its mean
@@ -265,17 +282,17 @@ void motion_shape(const struct ribbon_motion_model *model, const struct ribbon_m
             tangent_derivatives(model, i, t, shape, &run);
         if (i + 1 == model->slots)
             break;
-        double bend[3], speed[3], jolt[3], half[9], middle[9], u[3], u2[3], mean[3], turning[3];
-        segment_vector(model, i, state->x + 3, bend);
-        segment_vector(model, i, state->x + nb + 3, speed);
-        segment_vector(model, i, state->x + 2 * nb + 3, jolt);
+        double turns[3][3], moments[3][2], half[9], middle[9], u[3], u2[3], mean[3], turning[3], bend[3];
+        for (size_t order = 0; order < 3; order++)
+            segment_vector(model, i, state->x + order * nb + 3, turns[order], moments[order]);
+        turn_in_plane(turns, moments);
         for (int d = 0; d < 3; d++)
-            bend[d] *= 0.5;
+            bend[d] = 0.5 * turns[0][d];
         motion_exp(bend, half);
         multiply3(rotation, half, middle);
         multiply3(middle, half, shape->rotation[i + 1]);
-        rotate(middle, speed, u);
-        rotate(middle, jolt, u2);
+        rotate(middle, turns[1], u);
+        rotate(middle, turns[2], u2);
         for (int d = 0; d < 3; d++)
             mean[d] = w[d] + 0.5 * u[d];
         cross(mean, u, turning);

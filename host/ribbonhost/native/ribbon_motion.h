@@ -76,8 +76,10 @@ struct ribbon_motion_params {
 struct ribbon_motion_model {
     struct ribbon_motion_params params;
     size_t slots, modes, twist_modes, block, states;
-    /* Integral of each mode over the segment between slots i and i + 1. */
+    /* Integral of each mode over the segment between slots i and i + 1, and its first moment about the
+     * middle in units of the pitch. */
     double segment[RIBBON_MOTION_SLOT_MAX][RIBBON_MOTION_BLOCK_MAX];
+    double moment[RIBBON_MOTION_SLOT_MAX][RIBBON_MOTION_BLOCK_MAX];
     double offset_shape[RIBBON_MOTION_OFFSET_SHAPES][RIBBON_MOTION_NODE_MAX]; /* orthonormal polynomials */
     double anchor_rate[3];          /* coefficients of the anchor's third-order process, see docs/motion.md */
     double anchor_covariance[3][3]; /* stationary, one axis: position, velocity, acceleration */
