@@ -10,6 +10,8 @@ from ribbonhil.truth import SLOT_COUNT
 
 BAUD = 921_600
 WARMING_S = 120.0
+UNIQUE_ID_MARK = b"EMUL"
+"""How the unique id of every emulated device ends, so that none is taken for hardware."""
 PARTS = (lib.WIRE_PART_LIS2DW12, lib.WIRE_PART_MMC5983MA) * (SLOT_COUNT // 2)
 
 
@@ -61,7 +63,7 @@ def drawn_device(
     random = np.random.default_rng([seed, index])
     return Device(
         seed=int(random.integers(2**63)),
-        unique_id=random.bytes(12),
+        unique_id=random.bytes(12)[: -len(UNIQUE_ID_MARK)] + UNIQUE_ID_MARK,
         noise=noise,
         clock_ppm=float(random.uniform(-clock_ppm_max, clock_ppm_max)),
         clock_offset_us=int(random.integers(2**32)),

@@ -37,7 +37,7 @@ def test_a_right_device_gives_a_table_and_0(monkeypatch: pytest.MonkeyPatch) -> 
     assert "unique_id_is_unique" in result.stdout
     assert "garbage_is_survived" in result.stdout
     assert "frames_are_cobs_with_crc" not in result.stdout
-    assert "000102030405060708090a0b, firmware 1.2.3 on host, emulated, 32 slots" in result.stdout
+    assert "Ran on: emulated module, firmware 1.2.3, serial number 000102030405060708090a0b" in result.stdout
 
 
 def test_a_broken_rule_is_told_with_bytes_and_clause_and_1(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,7 +59,7 @@ def test_json_holds_every_result(monkeypatch: pytest.MonkeyPatch) -> None:
     result = invoke(monkeypatch, InfoWithACounter, URL, "--only", "info", "--json")
     report = json.loads(result.stdout)
     assert result.exit_code == 1
-    assert report["emulated"] is True
+    assert (report["kind"], report["emulated"]) == ("emulated module", True)
     assert report["device"]["serial"] == "000102030405060708090a0b"
     outcomes = {check["name"]: check["outcome"] for check in report["checks"]}
     assert outcomes.keys() == {check.name for check in all_checks() if check.group == "info"}

@@ -6,13 +6,13 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from ribbonhost.wire import Board
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from ribbonhil.conformance.check import Check, Permission
 from ribbonhil.conformance.runner import Outcome, Report, Result
+from ribbonhil.ran_on import Kind, RanOn
 
 SHOWN_BYTES = 96
 COLOURS = {
@@ -23,20 +23,12 @@ COLOURS = {
 }
 
 
-def is_emulated(url: str, report: Report) -> bool:
-    """Whether no hardware was tested."""
-    return url.startswith("emulated://") or report.info.board == Board.HOST
-
-
 def device_line(url: str, report: Report) -> str:
     """Who was tested."""
     info = report.info
-    version = ".".join(str(number) for number in info.firmware_version)
-    board = info.board.name.lower() if isinstance(info.board, Board) else f"board {info.board}"
     return (
-        f"{url}: {bytes(info.unique_id).hex()}, firmware {version} on {board}"
-        f"{', emulated' if is_emulated(url, report) else ''}, {len(info.slots)} slots, "
-        f"wire version {info.wire_version}, at most {info.rate_max_hz} Hz"
+        f"Ran on: {RanOn(url, info)}; {len(info.slots)} slots, wire version {info.wire_version}, "
+        f"at most {info.rate_max_hz} Hz"
     )
 
 
@@ -94,9 +86,11 @@ def where(check: Check) -> str:
 def as_json(url: str, report: Report) -> str:
     """One JSON object with every result."""
     info = report.info
+    kind = RanOn(url, info).kind
     document: dict[str, Any] = {
         "url": url,
-        "emulated": is_emulated(url, report),
+        "kind": kind.value,
+        "emulated": kind in (Kind.MODULE, Kind.IMAGE),
         "device": {
             "serial": bytes(info.unique_id).hex(),
             "firmware_version": list(info.firmware_version),
