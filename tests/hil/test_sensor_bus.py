@@ -232,6 +232,59 @@ def test_select_output_stuck_low_makes_every_other_transfer_a_conflict():
     assert bench.bus.counters.conflicts == 2
 
 
+def test_crossed_selects_lead_to_each_others_part_until_the_fault_ends():
+    bench = string()
+    bench.fault("crossed", 2, bench.t_ns, bench.t_ns + S, parameter=5)
+    bench.write(2, 0x0A, 0x01)  # of the magnetometer
+    assert bench.rejected(5) == {}
+    assert [bench.read(slot, 0x0F)[0] for slot in (0, 4, 5)] == [0x44] * 3
+    assert [bench.read(slot, 0x2F)[0] for slot in (1, 2, 3)] == [0x30] * 3
+    bench.wait(1.0)
+    assert [identity(bench, slot) for slot in (2, 5)] == [0x44, 0x30]
+    assert bench.bus.counters.conflicts == 0
+
+
+def test_shorted_selects_select_both_parts_at_either_place():
+    bench = string()
+    bench.fault("shorted", 2, bench.t_ns, bench.t_ns + S, parameter=4)
+    bench.write(2, 0x23, 0x0F)
+    assert bench.read(4, 0x23)[0] == 0x0F
+    bench.write(4, 0x23, 0x30)
+    assert bench.read(2, 0x23)[0] == 0x30
+    assert bench.read(0, 0x23)[0] == 0x00
+    assert bench.bus.counters.conflicts == 8
+    bench.wait(1.0)
+    bench.write(2, 0x23, 0x00)
+    assert bench.read(4, 0x23)[0] == 0x30
+
+
+@pytest.mark.parametrize("other", [6, -1, float("nan")])
+@pytest.mark.parametrize("kind", ["crossed", "shorted"])
+def test_select_that_touches_no_slot_changes_nothing(kind: str, other: float):
+    bench = string()
+    bench.fault(kind, 2, parameter=other)
+    assert [identity(bench, slot) for slot in range(6)] == [0x44, 0x30] * 3
+    assert bench.bus.counters.conflicts == 0
+
+
+def test_miso_follows_the_pull_unless_it_is_held():
+    bench = string()
+    bench.fault("miso_low", lib.FAULT_BUS, 30 * MS, 60 * MS)
+    bench.fault("miso_high", lib.FAULT_BUS, 60 * MS, 90 * MS)
+
+    def levels() -> tuple[bool, bool]:
+        up, down = (lib.sensor_bus_miso(bench.bus, bench.t_ns, pull) for pull in (True, False))
+        return up, down
+
+    assert levels() == (True, False)
+    bench.wait(0.02)
+    assert levels() == (False, False)
+    bench.wait(0.03)
+    assert levels() == (True, True)
+    bench.wait(0.02)
+    assert levels() == (True, False)
+
+
 @pytest.mark.parametrize(("kind", "byte"), [("miso_low", 0x00), ("miso_high", 0xFF)])
 def test_stuck_miso_reads_the_same_from_all_slots(kind: str, byte: int):
     bench = string()

@@ -15,6 +15,8 @@ enum fault_kind {
     FAULT_BIT_FLIPS,    /* each bit read is wrong with probability `parameter` */
     FAULT_BROWN_OUT,    /* at its start all registers fall to their power-up values */
     FAULT_SELECTED,     /* the select output is stuck low: this slot is always selected */
+    FAULT_CROSSED,      /* the selects of this slot and slot `parameter` lead to each other's part */
+    FAULT_SHORTED,      /* the selects of this slot and slot `parameter` touch: low on one is low on both */
     FAULT_MISO_LOW,     /* whole bus: every byte reads 0x00 */
     FAULT_MISO_HIGH,    /* whole bus: every byte reads 0xFF */
     FAULT_KIND_COUNT

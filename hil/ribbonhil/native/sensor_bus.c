@@ -55,20 +55,41 @@ void sensor_bus_set_truth(struct sensor_bus *bus, const struct truth_table *trut
     bus->truth = *truth;
 }
 
-static uint64_t always_selected(const struct sensor_bus *bus, uint64_t t_ns) {
-    uint64_t slots = 0;
+/* The selects are wires: what the outputs of the chain become on their way to the parts. */
+static uint64_t through_wires(const struct sensor_bus *bus, uint64_t selected, const struct fault *fault) {
+    if (fault->slot >= bus->chain.slots) {
+        return selected;
+    }
+    const uint64_t here = (uint64_t)1 << fault->slot;
+    if (fault->kind == FAULT_SELECTED) {
+        return selected | here;
+    }
+    if ((fault->kind != FAULT_CROSSED && fault->kind != FAULT_SHORTED) ||
+        !(fault->parameter >= 0.0 && fault->parameter < bus->chain.slots)) {
+        return selected;
+    }
+    const uint64_t both = here | (uint64_t)1 << (unsigned)fault->parameter;
+    const bool is_either = (selected & both) != 0;
+    const bool is_one = is_either && (selected & both) != both;
+    if (fault->kind == FAULT_CROSSED) {
+        return is_one ? selected ^ both : selected;
+    }
+    return is_either ? selected | both : selected;
+}
+
+static uint64_t selected_parts(const struct sensor_bus *bus, uint64_t t_ns) {
+    uint64_t selected = bus->chain.selected;
     for (uint32_t i = 0; i < bus->faults.count; i++) {
         const struct fault *fault = &bus->faults.faults[i];
-        if (fault->kind == FAULT_SELECTED && fault->slot < bus->chain.slots && fault->start_ns <= t_ns &&
-            t_ns < fault->end_ns) {
-            slots |= (uint64_t)1 << fault->slot;
+        if (fault->start_ns <= t_ns && t_ns < fault->end_ns) {
+            selected = through_wires(bus, selected, fault);
         }
     }
-    return slots;
+    return selected;
 }
 
 static void select(struct sensor_bus *bus, uint64_t t_ns) {
-    uint64_t wanted = bus->chain.selected | always_selected(bus, t_ns);
+    uint64_t wanted = selected_parts(bus, t_ns);
     uint64_t changed = bus->selected ^ wanted;
     for (uint32_t slot = 0; changed != 0; slot++, changed >>= 1) {
         if ((changed & 1u) == 0) {
@@ -104,6 +125,13 @@ uint8_t sensor_bus_transfer(void *context, uint64_t t_ns, uint8_t mosi) {
         return 0x00;
     }
     return fault_active(&bus->faults, FAULT_BUS, FAULT_MISO_HIGH, t_ns) != NULL ? PULLED_UP : miso;
+}
+
+bool sensor_bus_miso(const struct sensor_bus *bus, uint64_t t_ns, bool pulled_up) {
+    if (fault_active(&bus->faults, FAULT_BUS, FAULT_MISO_LOW, t_ns) != NULL) {
+        return false;
+    }
+    return pulled_up || fault_active(&bus->faults, FAULT_BUS, FAULT_MISO_HIGH, t_ns) != NULL;
 }
 
 void sensor_bus_select_clock(void *context, uint64_t t_ns, bool data) {

@@ -51,4 +51,7 @@ void sensor_bus_set_truth(struct sensor_bus *bus, const struct truth_table *trut
 uint8_t sensor_bus_transfer(void *context, uint64_t t_ns, uint8_t mosi);
 void sensor_bus_select_clock(void *context, uint64_t t_ns, bool data);
 
+/* Level of MISO while SCK rests: no part drives it then, and what does not hold it fast pulls it. */
+bool sensor_bus_miso(const struct sensor_bus *bus, uint64_t t_ns, bool pulled_up);
+
 #endif
