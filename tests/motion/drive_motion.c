@@ -55,7 +55,7 @@ static int drive(size_t nodes, int field_axes) {
     struct ribbon_motion_sample *samples = malloc(COUNT * sizeof *samples);
     struct ribbon_motion_step *steps = malloc((COUNT + 1) * sizeof *steps);
     struct ribbon_motion_state *states = malloc(COUNT * sizeof *states);
-    double (*covariances)[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX] =
+    double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX] =
         malloc(COUNT * sizeof *covariances);
     struct ribbon_motion_nodes *out = malloc(COUNT * sizeof *out);
     struct ribbon_motion_work *work = malloc(ribbon_motion_work_bytes());

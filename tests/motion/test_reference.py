@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 PARAMS = MotionParams(field_later_s=0.004)
 STATES = 138
+ROWS = lib.RIBBON_MOTION_MATRIX_MAX
 JERK = np.array([1e-6, 3e-6, 1e-7, 2e-6, 5e-7])
 
 
@@ -32,7 +33,7 @@ class Native:
         self.covariance()[:] = covariance
 
     def covariance(self) -> np.ndarray:
-        return np.frombuffer(ffi.buffer(self.step.covariance)).reshape(STATES, STATES)
+        return np.frombuffer(ffi.buffer(self.step.covariance)).reshape(ROWS, ROWS)[:STATES, :STATES]
 
     @staticmethod
     def taken(state: object) -> State:

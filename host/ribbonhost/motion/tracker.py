@@ -114,7 +114,7 @@ class Tracker:
         known = min(count, last - first + COVARIANCE_AHEAD)
         states = ffi.new("struct ribbon_motion_state[]", count)
         covariances = _new_uncleared(
-            f"double[][{lib.RIBBON_MOTION_STATE_MAX}][{lib.RIBBON_MOTION_STATE_MAX}]", known
+            f"double[][{lib.RIBBON_MOTION_MATRIX_MAX}][{lib.RIBBON_MOTION_MATRIX_MAX}]", known
         )
         steps = self._steps + 1 + first
         lib.ribbon_motion_smooth(self._model, count, steps, states, covariances, known, self._work)

@@ -49,7 +49,7 @@ def builder() -> FFI:
         depends=[str(header) for header in HERE.glob("*.h")],
         # Both ways of building must write the same file: two would shadow each other.
         py_limited_api=False,
-        extra_compile_args=["-std=c11", "-O3", "-fno-math-errno", "-fno-trapping-math"],
+        extra_compile_args=["-std=c11", "-O3", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math"],
     )
     return ffi
 

@@ -4,15 +4,17 @@
 
 #include "motion_internal.h"
 
-enum { STRIDE = RIBBON_MOTION_STATE_MAX, BLOCK = RIBBON_MOTION_BLOCK_MAX };
+enum { STRIDE = RIBBON_MOTION_MATRIX_MAX, BLOCK = RIBBON_MOTION_BLOCK_MAX };
 
 /* Squared Mahalanobis norm beyond which a sensor is an outlier: one in a million of three Gaussian values. */
 #define GATE 30.0
-/* Innovations below this many sigmas in every case pass without a covariance being worked out. */
-#define CLEARLY_INSIDE 9.0
 /* Linearise again while the estimate turns or bends by more than this from where it was linearised. */
 #define RELINEARISE_RAD 0.02
 #define ITERATIONS      4
+
+/* What is in the working memory while a sample corrects. */
+enum { COVARIANCE, NORMAL, SPARE };        /* matrices: after it, of the magnetometers */
+enum { FORCE, FIELD, OFFSET, CORRECTION }; /* vectors: right sides, errors from the prediction */
 
 size_t ribbon_motion_work_bytes(void) {
     return sizeof(struct ribbon_motion_work);
@@ -29,12 +31,18 @@ static bool usable_field(const struct ribbon_motion_model *model, const struct r
     return sample->field_valid[k] && isfinite(b[0] + b[1] + (model->params.field_axes == 3 ? b[2] : 0.0));
 }
 
-/* The sums that all sensors add to. */
+/* Equations of the sensors of one kind, each in units of its noise: rows (count) of derivatives, and what the
+ * prediction leaves of the reading. */
+struct equations {
+    double (*rows)[STRIDE];
+    double *innovation;
+    size_t count, columns;
+    double values; /* degrees of freedom of those that are no outliers */
+    double sigma;
+};
+
 struct sums {
-    double *force, *field; /* right sides, of the accelerometers and of the magnetometers */
-    double weighted_square, weighted_square_field; /* of their innovations */
-    double values, values_field;                   /* degrees of freedom of those that are no outliers */
-    double force_sigma, field_sigma;
+    struct equations force, field;
     struct ribbon_motion_fit fit;
 };
 
@@ -43,12 +51,12 @@ struct sums {
 static double force_sigma(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                           size_t k, const struct sums *sums) {
     double change = sample->force_change_mps3[k];
-    return hypot(sums->force_sigma, isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
+    return hypot(sums->force.sigma, isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
 }
 
 /* Squared norm of the innovation e of a sensor in units of its covariance J P transpose(J) + sigma^2. */
-static double mahalanobis(size_t axes, size_t columns, double rows[3][STRIDE], const double e[3],
-                          double variance, const motion_matrix p) {
+WIDE static double mahalanobis(size_t axes, size_t columns, double rows[3][STRIDE], const double e[3],
+                               double variance, const motion_matrix p) {
     double s[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
     for (size_t a = 0; a < axes; a++) {
         double pj[STRIDE];
@@ -65,49 +73,50 @@ static double mahalanobis(size_t axes, size_t columns, double rows[3][STRIDE], c
     return motion_quadratic(s, e);
 }
 
-/* normal += weight * transpose(rows) rows, upper triangle. */
-static void add_normal(size_t axes, size_t columns, double rows[3][STRIDE], double weight,
-                       motion_matrix normal) {
-    for (size_t i = 0; i < columns; i++) {
-        double a = weight * rows[0][i], b = weight * rows[1][i], c = axes > 2 ? weight * rows[2][i] : 0.0;
-        const double *restrict x = rows[0], *restrict y = rows[1], *restrict z = rows[2];
-        double *restrict o = normal[i];
-        if (axes > 2)
-            for (size_t j = i; j < columns; j++)
-                o[j] += a * x[j] + b * y[j] + c * z[j];
-        else
-            for (size_t j = i; j < columns; j++)
-                o[j] += a * x[j] + b * y[j];
-    }
-}
-
-/* Adds a sensor: `residual` at the place of linearisation, which lies `offset` from the prediction. Returns
- * whether it is an inlier. */
-static bool add_sensor(size_t axes, size_t columns, double sigma, const double residual[3],
-                       const double *offset, const motion_matrix predicted, struct ribbon_motion_work *work,
-                       motion_matrix normal, double *rhs, double *weighted_square) {
-    double e[3] = {0.0, 0.0, 0.0};
-    double variance = sigma * sigma, weight = 1.0 / variance;
+/* Adds the sensor whose derivatives are in the next rows: `residual` at the place of linearisation, which
+ * lies `offset` from the prediction. Returns whether it is an inlier. */
+static bool add_sensor(struct equations *equations, size_t axes, double sigma, const double residual[3],
+                       const double *offset, const motion_matrix predicted) {
+    double (*rows)[STRIDE] = equations->rows + equations->count;
+    double *innovation = equations->innovation + equations->count;
+    double e[3] = {0.0, 0.0, 0.0}, variance = sigma * sigma, weight = 1.0 / sigma;
+    size_t columns = equations->columns;
     for (size_t a = 0; a < axes; a++) {
         e[a] = residual[a];
         for (size_t j = 0; j < columns; j++)
-            e[a] += work->rows[a][j] * offset[j];
+            e[a] += rows[a][j] * offset[j];
     }
-    double square = dot(e, e);
     bool inlier = true;
-    if (square > CLEARLY_INSIDE * (double)axes * variance) {
-        double distance = mahalanobis(axes, columns, work->rows, e, variance, predicted);
+    /* The covariance is not less than that of the noise alone. */
+    if (dot(e, e) > GATE * variance) {
+        double distance = mahalanobis(axes, columns, rows, e, variance, predicted);
         inlier = distance <= GATE;
         /* The further off, the less it pulls. */
         if (!inlier)
-            weight *= (GATE / distance) * (GATE / distance);
+            weight *= GATE / distance;
     }
-    *weighted_square += weight * square;
-    for (size_t a = 0; a < axes; a++)
+    for (size_t a = 0; a < axes; a++) {
+        innovation[a] = weight * e[a];
         for (size_t j = 0; j < columns; j++)
-            rhs[j] += weight * e[a] * work->rows[a][j];
-    add_normal(axes, columns, work->rows, weight, normal);
+            rows[a][j] *= weight;
+    }
+    equations->count += axes;
+    equations->values += inlier ? (double)axes : 0.0;
     return inlier;
+}
+
+/* rhs += transpose(rows) innovation. */
+static void add_right_side(const struct equations *equations, double *rhs) {
+    for (size_t k = 0; k < equations->count; k++)
+        for (size_t j = 0; j < equations->columns; j++)
+            rhs[j] += equations->innovation[k] * equations->rows[k][j];
+}
+
+static double sum_of_squares(const struct equations *equations) {
+    double sum = 0.0;
+    for (size_t k = 0; k < equations->count; k++)
+        sum += equations->innovation[k] * equations->innovation[k];
+    return sum;
 }
 
 /* What an accelerometer reads less its offset, in the frame of the anchor. */
@@ -129,29 +138,27 @@ static void add_force(const struct ribbon_motion_model *model, const struct ribb
                       const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
     size_t nb = model->block, slot = 2 * k, last = model->states - 3;
     const struct motion_shape *shape = &work->shape;
+    double (*rows)[STRIDE] = sums->force.rows + sums->force.count;
     double v[3], measured[3], residual[3];
     unbiased_force(model, sample, at, k, shape, measured);
     for (size_t d = 0; d < 3; d++) {
         v[d] = shape->acceleration[slot][d] + at->x[last + d];
         residual[d] = measured[d] - v[d];
-        memcpy(work->rows[d], work->pull[d], 3 * nb * sizeof(double));
-        memset(work->rows[d] + last - 6, 0, 9 * sizeof(double));
+        memcpy(rows[d], work->pull[d], 3 * nb * sizeof(double));
+        memset(rows[d] + last - 6, 0, 9 * sizeof(double));
         for (size_t j = 0; j < RIBBON_MOTION_OFFSETS; j++)
-            work->rows[d][3 * nb + j] = shape->rotation[slot][3 * d + j % 3] * model->offset_shape[j / 3][k];
-        work->rows[d][last + d] = 1.0;
+            rows[d][3 * nb + j] = shape->rotation[slot][3 * d + j % 3] * model->offset_shape[j / 3][k];
+        rows[d][last + d] = 1.0;
     }
     /* Turning the node turns the measured vector the other way: + v x turn. */
     for (size_t j = 3; j < nb; j++) {
         double t[3] = {shape->turn[slot][0][j], shape->turn[slot][1][j], shape->turn[slot][2][j]}, c[3];
         cross(v, t, c);
         for (size_t d = 0; d < 3; d++)
-            work->rows[d][j] += c[d];
+            rows[d][j] += c[d];
     }
     sums->fit.forces++;
-    if (add_sensor(3, model->states, force_sigma(model, sample, k, sums), residual, offset, predicted, work,
-                   work->matrix[1], sums->force, &sums->weighted_square))
-        sums->values += 3.0;
-    else
+    if (!add_sensor(&sums->force, 3, force_sigma(model, sample, k, sums), residual, offset, predicted))
         sums->fit.force_outliers++;
 }
 
@@ -160,6 +167,7 @@ static void add_field(const struct ribbon_motion_model *model, const struct ribb
                       const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
     size_t nb = model->block, slot = 2 * k + 1, axes = (size_t)model->params.field_axes;
     const double *rotation = work->shape.rotation[slot];
+    double (*rows)[STRIDE] = sums->field.rows + sums->field.count;
     double field[3], expected[3], residual[3] = {0.0, 0.0, 0.0};
     rotate_back(at->root, model->params.field_ut, field);
     rotate_back(rotation, field, expected);
@@ -172,16 +180,13 @@ static void add_field(const struct ribbon_motion_model *model, const struct ribb
         double column[3] = {rotation[a], rotation[3 + a], rotation[6 + a]}, m[3];
         cross(column, field, m);
         residual[a] = sample->field_ut[k][a] - expected[a] - model->params.field_later_s * later[a];
-        rotate(at->root, m, work->rows[a]);
+        rotate(at->root, m, rows[a]);
         for (size_t j = 3; j < nb; j++)
-            work->rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
-                               m[2] * work->shape.turn[slot][2][j];
+            rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
+                         m[2] * work->shape.turn[slot][2][j];
     }
     sums->fit.fields++;
-    if (add_sensor(axes, nb, sums->field_sigma, residual, offset, predicted, work, work->matrix[3],
-                   sums->field, &sums->weighted_square_field))
-        sums->values_field += (double)axes;
-    else
+    if (!add_sensor(&sums->field, axes, sums->field.sigma, residual, offset, predicted))
         sums->fit.field_outliers++;
 }
 
@@ -201,7 +206,7 @@ static void integrate_pull(const struct ribbon_motion_model *model, size_t i,
     }
 }
 
-/* Normal equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
+/* Equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
 static void add_sensors(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                         const struct ribbon_motion_state *at, const double *offset,
                         const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
@@ -275,7 +280,7 @@ static void typical_residuals(const struct ribbon_motion_model *model,
                 square += e * e;
             }
             fields[field_count++] =
-                square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * sums->field_sigma * sums->field_sigma);
+                square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * sums->field.sigma * sums->field.sigma);
         }
     }
     fit->force_residual = quantile(forces, force_count, 0.5);
@@ -286,20 +291,21 @@ static void typical_residuals(const struct ribbon_motion_model *model,
  * average, what is expected. */
 static void judge_corrections(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
                               const struct ribbon_motion_state *to, const double *x,
-                              const struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
+                              const motion_matrix before_covariance, const motion_matrix covariance,
+                              struct ribbon_motion_fit *fit) {
     double before[3], after[3], square = 0.0;
     motion_anchor_acceleration(model, from, before);
     motion_anchor_acceleration(model, to, after);
     for (int d = 0; d < 3; d++)
         square += (after[d] - before[d]) * (after[d] - before[d]);
-    double taken = motion_anchor_variance(model, to, work->matrix[0]) -
-                   motion_anchor_variance(model, to, work->matrix[1]);
+    double taken =
+        motion_anchor_variance(model, to, before_covariance) - motion_anchor_variance(model, to, covariance);
     fit->anchor_correction = taken > 0.0 ? square / taken : 1.0;
     double count[RIBBON_MOTION_JERK_COUNT] = {0.0};
     for (size_t i = 0; i < model->block; i++) {
         enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
         size_t k = 2 * model->block + i;
-        double expected = work->matrix[0][k][k] - work->matrix[1][k][k];
+        double expected = before_covariance[k][k] - covariance[k][k];
         if (expected > 0.0) {
             fit->jerk_correction[kind] += x[k] * x[k] / expected;
             count[kind] += 1.0;
@@ -314,39 +320,59 @@ static void judge_corrections(const struct ribbon_motion_model *model, const str
  * of the right side. The sensors take n - trace(L P) degrees of freedom for the correction, the magnetometers
  * of these trace(N P), N their normal matrix; what they have beside is left for the residuals. */
 static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_state *from, const struct ribbon_motion_state *state,
-                      const motion_matrix information, const double *x, const struct sums *sums,
-                      struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
-    double explained = 0.0, explained_field = 0.0, prior = 0.0, fields = 0.0;
-    size_t n = model->states, nb = model->block;
+                      const struct ribbon_motion_step *step, const struct ribbon_motion_state *state,
+                      const struct sums *sums, struct ribbon_motion_work *work,
+                      struct ribbon_motion_fit *fit) {
+    const double *force = work->vector[FORCE], *field = work->vector[FIELD], *x = work->vector[CORRECTION];
+    double explained = 0.0, explained_field = 0.0;
+    size_t n = model->states;
     for (size_t i = 0; i < n; i++) {
-        explained += sums->force[i] * x[i];
-        explained_field += (sums->field[i] - sums->force[i]) * x[i];
-        for (size_t j = 0; j < n; j++)
-            prior += information[i][j] * work->matrix[1][i][j];
+        explained += force[i] * x[i];
+        explained_field += field[i] * x[i];
     }
-    for (size_t i = 0; i < nb; i++)
-        for (size_t j = i; j < nb; j++)
-            fields += (i == j ? 1.0 : 2.0) * work->matrix[3][i][j] * work->matrix[1][i][j];
+    double taken = (double)n - motion_trace(n, step->information, work->matrix[COVARIANCE]);
+    double fields = motion_trace(model->block, work->matrix[NORMAL], work->matrix[COVARIANCE]);
     *fit = sums->fit;
-    judge_corrections(model, from, state, x, work, fit);
-    double force_freedom = sums->values - ((double)n - prior - fields);
+    judge_corrections(model, &step->predicted, state, x, step->covariance, work->matrix[COVARIANCE], fit);
+    double values = sums->force.values, field_values = sums->field.values;
+    double force_freedom = values - (taken - fields);
     /* Overlapping readings are given more noise than each has: that much smaller are the squares expected. */
-    double share = sums->values > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / sums->values)) : 0.0;
+    double share = values > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / values)) : 0.0;
     double expected = 1.0 - (1.0 - 1.0 / model->params.force_overlap) * share;
     fit->force_innovation =
-        sums->values > 0.0 ? (sums->weighted_square - explained) / (sums->values * expected) : 1.0;
+        values > 0.0 ? (sum_of_squares(&sums->force) - explained) / (values * expected) : 1.0;
     fit->field_innovation =
-        sums->values_field > 0.0 ? (sums->weighted_square_field - explained_field) / sums->values_field : 1.0;
-    double field_freedom = sums->values_field - fields;
+        field_values > 0.0 ? (sum_of_squares(&sums->field) - explained_field) / field_values : 1.0;
+    double field_freedom = field_values - fields;
     typical_residuals(model, sample, state, sums, &work->shape, fit);
     /* With hardly any freedom left there is nothing to learn from the residual. */
-    fit->force_residual = force_freedom > 0.2 * sums->values
-                              ? fit->force_residual * sums->values / (force_freedom * expected)
-                              : 1.0;
-    fit->field_residual = field_freedom > 0.2 * sums->values_field
-                              ? fit->field_residual * sums->values_field / field_freedom
-                              : 1.0;
+    fit->force_residual =
+        force_freedom > 0.2 * values ? fit->force_residual * values / (force_freedom * expected) : 1.0;
+    fit->field_residual =
+        field_freedom > 0.2 * field_values ? fit->field_residual * field_values / field_freedom : 1.0;
+}
+
+/* Correction of the prediction and covariance, of sensors linearised at `at`; false if the latter is none. */
+static bool solve(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step,
+                  const struct sums *sums, struct ribbon_motion_work *work) {
+    size_t n = model->states, nb = model->block;
+    double *force = work->vector[FORCE], *field = work->vector[FIELD], rhs[RIBBON_MOTION_STATE_MAX];
+    motion_matrix *sum = &work->matrix[COVARIANCE], *normal = &work->matrix[NORMAL];
+    memset(force, 0, n * sizeof(double));
+    memset(field, 0, n * sizeof(double));
+    add_right_side(&sums->force, force);
+    add_right_side(&sums->field, field);
+    motion_gram(n, sums->force.count, (const double (*)[STRIDE])sums->force.rows, *sum);
+    motion_gram(nb, sums->field.count, (const double (*)[STRIDE])sums->field.rows, *normal);
+    for (size_t i = 0; i < n; i++) {
+        rhs[i] = force[i] + field[i];
+        for (size_t j = i; j < n; j++)
+            (*sum)[i][j] += step->information[i][j] + (j < nb ? (*normal)[i][j] : 0.0);
+    }
+    if (!motion_invert(n, *sum, *sum, work->matrix[SPARE]))
+        return false;
+    motion_apply(n, *sum, rhs, work->vector[CORRECTION]);
+    return true;
 }
 
 int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
@@ -354,47 +380,38 @@ int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct 
                           struct ribbon_motion_step *step, struct ribbon_motion_fit *fit,
                           struct ribbon_motion_work *work) {
     size_t n = model->states;
-    double *force = work->vector[0], *field = work->vector[3], *offset = work->vector[1],
-           *correction = work->vector[2];
+    double *offset = work->vector[OFFSET], *correction = work->vector[CORRECTION];
     struct ribbon_motion_state at = around ? *around : step->predicted;
-    memcpy(work->matrix[0], step->covariance, sizeof(motion_matrix));
-    memcpy(step->information, step->covariance, sizeof(motion_matrix));
     step->state = step->predicted;
     memset(fit, 0, sizeof *fit);
-    if (!motion_invert(n, step->information, work->matrix[2]))
+    if (!motion_invert(n, step->covariance, step->information, work->matrix[SPARE]))
         return RIBBON_MOTION_ERROR_NOT_FINITE;
     int iterations = around ? 1 : ITERATIONS;
     for (int iteration = 0; iteration < iterations; iteration++) {
-        struct sums sums = {.force = force,
-                            .field = field,
-                            .force_sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
-                                                     model->params.accel_sigma_mps2,
-                                                 scales->slack_mps2),
-                            .field_sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut};
+        struct sums sums = {
+            .force = {.rows = work->force_rows,
+                      .innovation = work->force_innovation,
+                      .columns = n,
+                      .sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
+                                         model->params.accel_sigma_mps2,
+                                     scales->slack_mps2)},
+            .field = {.rows = work->field_rows,
+                      .innovation = work->field_innovation,
+                      .columns = model->block,
+                      .sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut},
+        };
         motion_subtract(model, &at, &step->predicted, offset);
-        memset(force, 0, n * sizeof(double));
-        memset(field, 0, n * sizeof(double));
-        memset(work->matrix[1], 0, sizeof(motion_matrix));
-        memset(work->matrix[3], 0, sizeof(motion_matrix));
-        add_sensors(model, sample, &at, offset, work->matrix[0], work, &sums);
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = i; j < n; j++)
-                work->matrix[1][i][j] += work->matrix[3][i][j] + step->information[i][j];
-        if (!motion_invert(n, work->matrix[1], work->matrix[2])) {
-            memcpy(step->covariance, work->matrix[0], sizeof(motion_matrix));
+        add_sensors(model, sample, &at, offset, step->covariance, work, &sums);
+        if (!solve(model, step, &sums, work))
             return RIBBON_MOTION_ERROR_NOT_FINITE;
-        }
-        for (size_t i = 0; i < n; i++)
-            field[i] += force[i];
-        motion_apply(n, work->matrix[1], field, correction);
         motion_add(model, &step->predicted, correction, &at);
         bool last = iteration + 1 == iterations || moved(model, correction, offset) < RELINEARISE_RAD;
         if (last) {
-            judge_fit(model, sample, &step->predicted, &at, step->information, correction, &sums, work, fit);
+            judge_fit(model, sample, step, &at, &sums, work, fit);
             break;
         }
     }
     step->state = at;
-    memcpy(step->covariance, work->matrix[1], sizeof(motion_matrix));
+    memcpy(step->covariance, work->matrix[COVARIANCE], sizeof(motion_matrix));
     return 0;
 }

@@ -67,17 +67,34 @@ size_t motion_quadrature(size_t slots, size_t i, double weight[4]);
 void motion_shape(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
                   bool derivatives, struct motion_shape *shape);
 
-typedef double motion_matrix[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX];
+typedef double motion_matrix[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX];
 
-/* Symmetric positive definite a (n, n), of which the upper triangle is read, becomes its inverse. False, with
- * a undefined, if it is not positive definite. */
-bool motion_invert(size_t n, motion_matrix a, motion_matrix workspace);
+/* On processors that have wider vectors the functions in which the time is spent use them. Both kinds are
+ * chosen by feature: of arch= only exactly that processor would have a use. */
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__) &&             \
+    !defined(__SANITIZE_ADDRESS__)
+#define WIDE __attribute__((target_clones("fma", "default")))
+#else
+#define WIDE
+#endif
+/* A part of such a function. */
+#define PART static inline __attribute__((always_inline))
+
+/* out = inverse of symmetric positive definite a (n, n), of which the upper triangle is read; out may be a.
+ * False, with out undefined, if it is not positive definite. */
+bool motion_invert(size_t n, const motion_matrix a, motion_matrix out, motion_matrix workspace);
+/* The upper triangle of out = transpose(rows) rows, rows (count, n). */
+void motion_gram(size_t n, size_t count, const double (*rows)[RIBBON_MOTION_MATRIX_MAX], motion_matrix out);
 /* out = a b for (n, n); out must not overlap. */
 void motion_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
 /* e inverse(s) e, s symmetric. */
 double motion_quadratic(double s[3][3], const double e[3]);
 /* The same where the result is known to be symmetric. */
 void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
+/* trace(a b) of two symmetric matrices, of which the upper triangles are read. */
+double motion_trace(size_t n, const motion_matrix a, const motion_matrix b);
+/* a = transpose(a). */
+void motion_transpose(size_t n, motion_matrix a);
 /* out = a v for (n, n). */
 void motion_apply(size_t n, const motion_matrix a, const double *v, double *out);
 
@@ -138,8 +155,11 @@ bool motion_livelier(struct ribbon_motion_tracker *tracker);
 
 struct ribbon_motion_work {
     struct motion_shape shape;
-    motion_matrix matrix[4];
-    double rows[3][RIBBON_MOTION_STATE_MAX];
+    motion_matrix matrix[3];
+    /* Equations of the sensors. */
+    double force_rows[3 * RIBBON_MOTION_NODE_MAX][RIBBON_MOTION_MATRIX_MAX];
+    double field_rows[3 * RIBBON_MOTION_NODE_MAX][RIBBON_MOTION_MATRIX_MAX];
+    double force_innovation[3 * RIBBON_MOTION_NODE_MAX], field_innovation[3 * RIBBON_MOTION_NODE_MAX];
     double pull[3]
                [3 * RIBBON_MOTION_BLOCK_MAX]; /* derivative of the acceleration, running along the ribbon */
     double vector[4][RIBBON_MOTION_STATE_MAX];

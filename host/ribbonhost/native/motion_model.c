@@ -118,8 +118,8 @@ size_t motion_quadrature(size_t slots, size_t i, double weight[4]) {
 }
 
 /* out (3, columns) += m in, with row strides `stride_out` and `stride_in`. */
-static void add_product(const double m[9], size_t columns, const double *in, size_t stride_in, double *out,
-                        size_t stride_out) {
+WIDE static void add_product(const double m[9], size_t columns, const double *in, size_t stride_in,
+                             double *out, size_t stride_out) {
     for (size_t r = 0; r < 3; r++) {
         double a = m[3 * r], b = m[3 * r + 1], c = m[3 * r + 2];
         const double *restrict x = in, *restrict y = in + stride_in, *restrict z = in + 2 * stride_in;

@@ -175,16 +175,17 @@ void motion_anchor_acceleration(const struct ribbon_motion_model *model,
 
 double motion_anchor_variance(const struct ribbon_motion_model *model,
                               const struct ribbon_motion_state *state, const motion_matrix covariance) {
-    size_t n = model->states, last = n - 3;
+    /* Rows of the map to the world have values at the anchor's rotation and at its specific force only. */
+    const size_t last = model->states - 3, at[6] = {0, 1, 2, last, last + 1, last + 2};
     double sum = 0.0;
     for (size_t d = 0; d < 3; d++) {
-        /* Row d of the map to the world, then its product with the covariance. */
-        double row[RIBBON_MOTION_STATE_MAX] = {0.0}, product[RIBBON_MOTION_STATE_MAX];
-        row[last + d] = 1.0;
+        double row[RIBBON_MOTION_STATE_MAX];
+        for (size_t i = 0; i < 6; i++)
+            row[at[i]] = at[i] == last + d ? 1.0 : 0.0;
         to_world_transposed(model, state, row);
-        motion_apply(n, covariance, row, product);
-        for (size_t j = 0; j < n; j++)
-            sum += row[j] * product[j];
+        for (size_t i = 0; i < 6; i++)
+            for (size_t j = 0; j < 6; j++)
+                sum += row[at[i]] * covariance[at[i]][at[j]] * row[at[j]];
     }
     return sum;
 }
@@ -225,12 +226,8 @@ void motion_both_sides(const struct ribbon_motion_model *model, const struct mot
             } else {
                 motion_to_body(model, f->after, p[i]);
             }
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = 0; j < i; j++) {
-                double swap = p[i][j];
-                p[i][j] = p[j][i];
-                p[j][i] = swap;
-            }
+        if (side == 0) /* the result is symmetric */
+            motion_transpose(n, p);
     }
 }
 

@@ -21,21 +21,19 @@ static void smooth_covariance(const struct ribbon_motion_model *model, const str
             work->matrix[1][i][j] -= after->information[i][j];
         motion_backward(model, f, work->matrix[1][i]);
     }
+    motion_transpose(n, work->matrix[1]);
+    for (size_t i = 0; i < n; i++)
+        motion_backward(model, f, work->matrix[1][i]);
+    motion_product(n, step->covariance, work->matrix[1], work->matrix[0]);
+    motion_symmetric_product(n, work->matrix[0], step->covariance, work->matrix[1]);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
-            work->matrix[0][j][i] = work->matrix[1][i][j];
-    for (size_t i = 0; i < n; i++)
-        motion_backward(model, f, work->matrix[0][i]);
-    motion_product(n, step->covariance, work->matrix[0], work->matrix[1]);
-    motion_symmetric_product(n, work->matrix[1], step->covariance, work->matrix[0]);
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++)
-            covariance[i][j] = step->covariance[i][j] + work->matrix[0][i][j];
+            covariance[i][j] = step->covariance[i][j] + work->matrix[1][i][j];
 }
 
 void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
                           const struct ribbon_motion_step *steps, struct ribbon_motion_state *states,
-                          double (*covariances)[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX],
+                          double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
                           size_t covariance_count, struct ribbon_motion_work *work) {
     size_t n = model->states, later = count; /* the next good step, `count`: none that is linked */
     double *d = work->vector[0], *v = work->vector[1];
@@ -85,7 +83,7 @@ static void fit_modes(const struct ribbon_motion_model *model, int axis, size_t 
                 work->matrix[0][i][j] += row[i] * row[j];
         }
     }
-    motion_invert(modes, work->matrix[0], work->matrix[1]);
+    motion_invert(modes, work->matrix[0], work->matrix[0], work->matrix[1]);
     motion_apply(modes, work->matrix[0], rhs, x + 3 + first);
 }
 
@@ -152,8 +150,8 @@ int ribbon_motion_from_level(const struct ribbon_motion_model *model,
 }
 
 /* Covariance of J x, J (3, columns) with row stride BLOCK, for the first block of the state. */
-static void project(size_t columns, double j[3][RIBBON_MOTION_BLOCK_MAX], const motion_matrix p,
-                    double out[3][3]) {
+WIDE static void project(size_t columns, double j[3][RIBBON_MOTION_BLOCK_MAX], const motion_matrix p,
+                         double out[3][3]) {
     for (int a = 0; a < 3; a++) {
         double row[RIBBON_MOTION_BLOCK_MAX] = {0.0};
         for (size_t i = 0; i < columns; i++)
@@ -231,7 +229,7 @@ static void output_node(const struct ribbon_motion_model *model, const struct ri
 }
 
 void ribbon_motion_output(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
-                          const double covariance[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX],
+                          const double covariance[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
                           struct ribbon_motion_nodes *nodes, struct ribbon_motion_work *work) {
     struct motion_shape *shape = &work->shape;
     double position[3] = {0.0}, velocity[3] = {0.0}, reach[3][RIBBON_MOTION_BLOCK_MAX] = {{0.0}};

@@ -38,7 +38,8 @@ enum ribbon_motion_limit {
     RIBBON_MOTION_BLOCK_MAX = 37,    /* anchor rotation, twist, bending */
     RIBBON_MOTION_OFFSET_SHAPES = 6, /* polynomials along the ribbon */
     RIBBON_MOTION_OFFSETS = 18,      /* of each axis of the node frame */
-    RIBBON_MOTION_STATE_MAX = 138    /* three blocks, the offsets, nine of the anchor's place */
+    RIBBON_MOTION_STATE_MAX = 138,   /* three blocks, the offsets, nine of the anchor's place */
+    RIBBON_MOTION_MATRIX_MAX = 144   /* rows and columns that a matrix of the states has in memory */
 };
 
 /* What has a jerk of its own: each axis of the anchor's rotation in its frame, twist, bending. */
@@ -125,10 +126,10 @@ enum ribbon_motion_status {
 struct ribbon_motion_step {
     struct ribbon_motion_state state;     /* estimate from all samples so far */
     struct ribbon_motion_state predicted; /* from the samples before */
-    double covariance[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX]; /* of state */
-    double information[RIBBON_MOTION_STATE_MAX]
-                      [RIBBON_MOTION_STATE_MAX]; /* inverse covariance of predicted */
-    int32_t status;                              /* enum ribbon_motion_status */
+    double covariance[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX]; /* of state */
+    double information[RIBBON_MOTION_MATRIX_MAX]
+                      [RIBBON_MOTION_MATRIX_MAX]; /* inverse covariance of predicted */
+    int32_t status;                               /* enum ribbon_motion_status */
 };
 
 /* Variances as they are found to be, in units of those that the parameters say. */
@@ -210,12 +211,12 @@ int ribbon_motion_advance(const struct ribbon_motion_model *model, const struct 
  *  2. Steps whose status is RIBBON_MOTION_WAITING hold nothing, and their results neither. */
 void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
                           const struct ribbon_motion_step *steps, struct ribbon_motion_state *states,
-                          double (*covariances)[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX],
+                          double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
                           size_t covariance_count, struct ribbon_motion_work *work);
 
 /* Nodes of a state. covariance: of the state, null: sigma_rad and position_covariance_m2 become NaN. */
 void ribbon_motion_output(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
-                          const double covariance[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX],
+                          const double covariance[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
                           struct ribbon_motion_nodes *nodes, struct ribbon_motion_work *work);
 
 /* Follows one ribbon from sample to sample: starts by itself, judges its own health, starts again when lost,
@@ -265,7 +266,7 @@ int ribbon_motion_run(struct ribbon_motion_tracker *tracker, size_t count,
 /* Nodes of `count` states; covariances: null, or one a state. */
 void ribbon_motion_outputs(const struct ribbon_motion_model *model, size_t count,
                            const struct ribbon_motion_state *states,
-                           const double (*covariances)[RIBBON_MOTION_STATE_MAX][RIBBON_MOTION_STATE_MAX],
+                           const double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
                            struct ribbon_motion_nodes *nodes, struct ribbon_motion_work *work);
 
 /* Nodes of the states of `count` steps, not smoothed. Those of a waiting step hold nothing. */
