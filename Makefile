@@ -95,7 +95,7 @@ check: setup $(VENV)/.test $(VENV)/.model
 	@$(BIN)/ruff check --config host/pyproject.toml .
 	@$(BIN)/ruff format --check --config host/pyproject.toml .
 	@$(BIN)/clang-format --dry-run -Werror $(C_SOURCES)
-	@$(BIN)/mypy --config-file host/pyproject.toml host/ribbonhost hil/ribbonhil protocol/generate.py
+	@$(BIN)/mypy --config-file host/pyproject.toml host/ribbonhost hil/ribbonhil hil/checks protocol/generate.py
 	@$(BIN)/python protocol/generate.py --check
 	@$(BIN)/python hil/ribbonhil/firmware_build.py --check
 	@$(BIN)/python -m ribbonhil.stm32f405.build --check

@@ -1,6 +1,6 @@
-"""Adds the firmware as a module to what pyproject.toml describes."""
+"""Adds the packages, and the firmware as a module, to what pyproject.toml describes."""
 
-from setuptools import setup
+from setuptools import find_namespace_packages, setup
 from setuptools.command.build_ext import build_ext
 
 
@@ -11,4 +11,8 @@ class BuildExtension(build_ext):
         return []
 
 
-setup(cmdclass={"build_ext": BuildExtension}, cffi_modules=["ribbonhil/firmware_build.py:ffibuilder"])
+setup(
+    packages=[*find_namespace_packages(include=["ribbonhil*"]), "ribbonhil.checks"],
+    cmdclass={"build_ext": BuildExtension},
+    cffi_modules=["ribbonhil/firmware_build.py:ffibuilder"],
+)

@@ -1,4 +1,4 @@
-"""The command line of the emulator: `ribbonhil serve`, `ribbonhil truth`, `ribbonhil conformance`."""
+"""The command line: `ribbonhil serve`, `truth`, `run`, `conformance`, `check`."""
 
 import os
 import shlex
@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from ribbonhost.errors import RibbonError, UsageError
 
+from ribbonhil.check.command import check
 from ribbonhil.conformance.command import conformance
 from ribbonhil.stm32f405.command import run
 
@@ -79,6 +80,15 @@ def serve(
         int, typer.Option(min=0, max=65535, help="First TCP port, one a ribbon; 0: any that are free.")
     ] = TCP_PORT,
     bind: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    faults: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="PORT",
+            help="TCP port that takes faults from `ribbonhil check`; 0: any that is free.",
+        ),
+    ] = None,
     comb: Annotated[
         Path, typer.Option(metavar="FILE", help="Comb file to write for `ribbonhost stream`.")
     ] = Path("comb.toml"),
@@ -108,14 +118,17 @@ def serve(
         use_tcp=os.name != "posix" if pty is None else not pty,
         address=bind,
         port=port,
+        faults_port=faults,
         seconds=seconds,
     )
     console = Console()
 
-    def started(comb_text: str, urls: list[str]) -> None:
+    def started(comb_text: str, urls: list[str], faults_at: str) -> None:
         write_text(comb, WRITTEN_HERE + comb_text)
         for index, url in enumerate(urls):
             console.print(f"ribbon {index}{' (reference)' if index == 0 else ''}: {url}", highlight=False)
+        if faults_at:
+            console.print(f"faults: {faults_at}", highlight=False)
         console.print("Ctrl-C ends. To see the surface, type in another terminal:\n", highlight=False)
         # One line, however narrow the terminal is: it is meant to be copied.
         print(f"ribbonhost stream --comb {shlex.join([str(comb), *urls])}\n", flush=True)
@@ -171,6 +184,7 @@ def part_errors_command(
 
 
 app.command(epilog="Example: ribbonhil conformance /dev/ttyACM0")(conformance)
+app.command(epilog="Example: ribbonhil check --link /dev/ttyACM0")(check)
 app.command(epilog="Example: ribbonhil run firmware/build/stm32f405/ribbon.bin --scene wing")(run)
 
 

@@ -6,7 +6,7 @@ import select
 import selectors
 import socket
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from ribbonhost.errors import LinkError, UsageError
@@ -217,16 +217,27 @@ class PtyEndpoint:
             self._notice_client()
 
 
+class Watched(Protocol):
+    """Something else that is served beside the ribbons."""
+
+    def attach(self, selector: selectors.BaseSelector) -> None:
+        """Registers files to watch, each with a function to call when it is readable."""
+
+    def close(self) -> None:
+        """Gives everything back."""
+
+
 def serve(
     lines: Iterable[Line],
     endpoints: Iterable[Endpoint],
     on_change: Callable[[int, bool, int], None],
     seconds: float | None = None,
+    others: Sequence[Watched] = (),
 ) -> None:
     """Carries bytes between lines and endpoints, one each, until interrupted or for so many seconds.
 
     on_change(index, is_used, bytes_dropped) is called when a client comes, and when it goes and leaves bytes
-    that it did not take in time.
+    that it did not take in time. others: served beside the ribbons.
     """
     pairs = list(zip(lines, endpoints, strict=True))
     used = [False] * len(pairs)
@@ -245,6 +256,8 @@ def serve(
         for line, endpoint in pairs:
             endpoint.attach(selector)
             line.on_arrival = wake
+        for other in others:
+            other.attach(selector)
         try:
             while deadline_s is None or time.monotonic() < deadline_s:
                 for key, _ in selector.select(LOOK_S):
@@ -262,6 +275,8 @@ def serve(
             for line, endpoint in pairs:
                 line.on_arrival = None
                 endpoint.close()
+            for other in others:
+                other.close()
 
 
 def to_line(line: Line) -> Callable[[bytes], None]:

@@ -1,0 +1,1 @@
+"""Runs the checks of hil/checks on any ribbon: the firmware as a module, the image, or hardware."""
