@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ribbonhil.check.bench import Bench
 from ribbonhil.check.check import Measurement, NotRunError, Topic, none_of
 from ribbonhil.check.readings import REST_MPS2, Readings
-from ribbonhost.calibrate.sensor_errors import STANDARD_GRAVITY_MPS2
+from ribbonhil.truth import GRAVITY_MPS2
 from ribbonhost.wire import Quality
 
 TOPIC = Topic("static_pose")
@@ -45,7 +45,7 @@ def gravity_and_field(bench: Bench) -> Iterator[Measurement]:
         )
 
     accelerometers, magnetometers = slice(0, None, 2), slice(1, None, 2)
-    excess = 100 * (np.linalg.norm(calibrated(accelerometers), axis=1) / STANDARD_GRAVITY_MPS2 - 1)
+    excess = 100 * (np.linalg.norm(calibrated(accelerometers), axis=1) / GRAVITY_MPS2 - 1)
     limit = GRAVITY_CALIBRATED_PERCENT if bench.is_calibrated else GRAVITY_UNCALIBRATED_PERCENT
     told = "calibrated" if bench.is_calibrated else "never calibrated"
     yield largest("|a| differs from g by", excess, "%", accelerometers, limit, told)

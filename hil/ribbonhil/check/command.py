@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from ribbonhil.conformance.device import Device
 
 
+PIPED_COLUMNS = 160
+"""Wide enough for a row to stand on one line where there is no terminal to fit."""
+
+
 def check(
     link: Annotated[
         str | None,
@@ -99,7 +103,7 @@ def check(
     if json_:
         print(text)
     else:
-        report.show(ran_on, found, Console())
+        report.show(ran_on, found, Console(width=None if sys.stdout.isatty() else PIPED_COLUMNS))
     if report_file is not None:
         try:
             report_file.write_text(f"{text}\n", encoding="utf-8")

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from ribbonhost.cli.printing import plain_table, print_table
 from rich.console import Console
+from rich.table import Table
 from rich.text import Text
 
 from ribbonhil.check.check import Check, Measurement
@@ -24,7 +24,8 @@ VERDICTS = {True: "passed", False: "FAILED", None: ""}
 def show(ran_on: RanOn, report: Report, console: Console) -> None:
     """Prints what it ran on, the table, why checks failed or did not run, and the summary."""
     console.print(ran_on_text(ran_on), soft_wrap=True)
-    table = plain_table("check")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("check", overflow="fold")
     table.add_column("measured", justify="right", no_wrap=True)
     for heading in ("limit", "result", "where"):
         table.add_column(heading, overflow="fold")
@@ -33,7 +34,7 @@ def show(ran_on: RanOn, report: Report, console: Console) -> None:
         table.add_row(name, "", "", Text(result.outcome.value, COLOURS[result.outcome]))
         for measurement in result.measurements:
             table.add_row(*cells(measurement))
-    print_table(table)
+    console.print(table)
     console.print()
     for result in report.results:
         if result.reason:
