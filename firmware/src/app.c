@@ -24,6 +24,7 @@ void app_use_calibration(struct app *app) {
     memcpy(app->fusion_params.blind, app->calibration.blind, sizeof app->fusion_params.blind);
     fusion_reset(&app->fusion_params, &app->fusion_state, &app->fusion_derived);
     health_reset(&app->health);
+    sensor_string_recalibrated(&app->string);
 }
 
 void app_init(struct app *app, struct board *board) {

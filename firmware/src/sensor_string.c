@@ -133,6 +133,18 @@ static bool convert(struct sensor_string *string, unsigned i, const struct calib
     return vec3_norm(string->reading[i]) < SIZE_MAX_RATIO * size; /* false for NaN */
 }
 
+/* Which sensors of a kind are seen to drift; suspect: those that do not fit in anyway. */
+static uint16_t find_drifting(struct sensor_string *string, const struct plausibility_input *input,
+                              const bool suspect[RIBBON_NODE_COUNT], unsigned first, uint32_t now_us) {
+    uint16_t trusted = 0u;
+    if (!drift_is_due(&string->drifts[first], now_us))
+        return 0u;
+    for (unsigned k = 0; k < RIBBON_NODE_COUNT; k++)
+        if (input->present[k] && !suspect[k] && !string->slots[2u * k + first].is_implausible)
+            trusted |= (uint16_t)(1u << k);
+    return drift_look(&string->drifts[first], input, trusted, now_us);
+}
+
 /* Judges the readings of one kind, those of slots first, first + 2, ... */
 static void judge(struct sensor_string *string, const struct calibration *calibration, unsigned first,
                   float size, uint32_t now_us) {
@@ -154,6 +166,7 @@ static void judge(struct sensor_string *string, const struct calibration *calibr
         memcpy(input.readings[k], string->reading[i], sizeof input.readings[k]);
     }
     plausibility_check(&input, suspect);
+    const uint16_t drifting = find_drifting(string, &input, suspect, first, now_us);
     for (unsigned k = 0; k < RIBBON_NODE_COUNT; k++) {
         const unsigned i = 2u * k + first;
         struct slot *const slot = &string->slots[i];
@@ -162,6 +175,8 @@ static void judge(struct sensor_string *string, const struct calibration *calibr
             const bool jumped = string->has_previous[i] &&
                                 vec3_distance_squared(string->reading[i], string->previous[i]) > jump * jump;
             slot_mark_implausible(slot, jumped, now_us);
+        } else if ((drifting >> k & 1u) != 0u) {
+            slot_mark_implausible(slot, false, now_us);
         }
         string->has_previous[i] = input.present[k];
         slot_judge(slot, now_us);
@@ -177,6 +192,11 @@ void sensor_string_read(struct sensor_string *string, struct board *board,
     judge(string, calibration, 0u, STANDARD_GRAVITY_MPS2, now_us);
     judge(string, calibration, 1u, sqrtf(horizontal_ut * horizontal_ut + down_ut * down_ut), now_us);
     survey(string, now_us);
+}
+
+void sensor_string_recalibrated(struct sensor_string *string) {
+    drift_reset(&string->drifts[0]);
+    drift_reset(&string->drifts[1]);
 }
 
 void sensor_string_patrol(struct sensor_string *string, struct board *board) {

@@ -4,6 +4,7 @@
 
 #include "board.h"
 #include "calibration.h"
+#include "drift.h"
 #include "ribbon.h"
 #include "slot.h"
 
@@ -13,6 +14,7 @@ struct sensor_string {
     float reading[RIBBON_SLOT_COUNT][3];  /* of the last scan, calibrated: m/s^2 or uT, node frame */
     float previous[RIBBON_SLOT_COUNT][3]; /* of the scan before */
     bool has_previous[RIBBON_SLOT_COUNT];
+    struct drift drifts[2]; /* of accelerometers and magnetometers */
 
     /* What follows from the states of all slots, up to date after every call. */
     uint32_t lead_us; /* the measurements must start so long before the scan; 0: nothing needs a start */
@@ -35,6 +37,9 @@ void sensor_string_start(struct sensor_string *string, struct board *board);
  * usable. */
 void sensor_string_read(struct sensor_string *string, struct board *board,
                         const struct calibration *calibration);
+
+/* Tells that readings are calibrated otherwise from now on. */
+void sensor_string_recalibrated(struct sensor_string *string);
 
 /* One pass for what slots have to do besides being read. */
 void sensor_string_patrol(struct sensor_string *string, struct board *board);

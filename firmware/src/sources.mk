@@ -2,8 +2,8 @@
 
 # Pure: values in, values out; no board, build anywhere.
 PURE_SOURCES := \
-    branch.c bridge_offset.c calibration.c framing.c fusion.c fusion_field.c fusion_quality.c health.c outbox.c \
-    plausibility.c quaternion.c rest_filter.c schedule.c slot.c slot_bring_up.c \
+    branch.c bridge_offset.c calibration.c drift.c framing.c fusion.c fusion_field.c fusion_quality.c health.c \
+    outbox.c plausibility.c quaternion.c rest_filter.c schedule.c slot.c slot_bring_up.c \
     stencil.c two_axis.c \
     sensors/hmc5983.c sensors/hmc5983_decode.c sensors/lis2dw12.c sensors/lis2dw12_decode.c \
     sensors/mmc5983ma.c sensors/mmc5983ma_decode.c sensors/parts.c

@@ -29,6 +29,7 @@ HEADERS = (
     FIRMWARE / "bridge_offset.h",
     FIRMWARE / "slot.h",
     FIRMWARE / "plausibility.h",
+    FIRMWARE / "drift.h",
     FIRMWARE / "schedule.h",
     FIRMWARE / "outbox.h",
     FIRMWARE / "calibration.h",

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from firmware.running_ribbon import NODES, SLOTS, RunningRibbon, Seen
 from ribbonhil.faults import BUS, Fault, FaultKind
-from ribbonhost.wire import SlotReason
+from ribbonhil.scenes import load_scene
+from ribbonhil.truth import comb_truth
+from ribbonhost.wire import Raw, SlotReason
 
 START_S, END_S, STOP_S = 1.0, 2.2, 3.4
 FOUND_WITHIN_S, RECOVERED_WITHIN_S = 0.5, 1.0
@@ -87,6 +89,28 @@ def test_fault_of_a_slot_is_found_told_bridged_and_forgotten(kind):
         errors = seen.statuses[-1].slots.errors
         since_start = int((of_slot != SlotReason.OK).sum())
         assert errors[slot] - np.delete(errors, slot).max() == pytest.approx(since_start, abs=3)
+
+
+@pytest.mark.parametrize("slot", range(SLOTS))
+def test_slow_drift_is_found_on_every_slot(slot):
+    """12 uT or 2 m/s^2 a second on every axis, far less than a bend of 7 cm radius makes in half a second."""
+    drift = Fault(FaultKind.DRIFT, slot, START_S, END_S, 12.0 if slot % 2 else 2.0)
+    seen = RunningRibbon(faults=(drift,)).watch(STOP_S)
+    wrong_s = seen.t_raw_s[seen.reasons[:, slot] != SlotReason.OK]
+    assert 0 <= wrong_s[0] - START_S <= FOUND_WITHIN_S
+    assert wrong_s[-1] - END_S <= RECOVERED_WITHIN_S
+    assert most_common(seen.reasons[:, slot]) == SlotReason.OUT_OF_RANGE
+    assert (np.delete(seen.reasons, slot, axis=1) == SlotReason.OK).all(), "no other slot is blamed"
+
+
+@pytest.mark.parametrize(("scene", "period_s"), [("wing", 1.0), ("wing", 2.0), ("breath", 0.5)])
+def test_fast_motion_is_no_fault(scene, period_s):
+    """Up to 0.9 g at the tip."""
+    truth = comb_truth(load_scene(scene, period_s), 3)
+    for ribbon in range(4):
+        raws = RunningRibbon(truth=truth.ribbon(ribbon)).run_until(3.0)
+        reasons = [[*p.accels.reason, *p.mags.reason] for p in raws if isinstance(p, Raw)]
+        assert set(np.unique(reasons[20:])) == {SlotReason.OK}
 
 
 @pytest.mark.parametrize(

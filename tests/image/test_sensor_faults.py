@@ -38,8 +38,9 @@ EXPECTED: dict[FaultKind, set[SlotReason]] = {
 
 
 def parameter(kind: FaultKind, slot: int) -> float:
-    """An unknown identity; half of the time; a third of g or 60 % of the field a second; one bit in 50."""
-    drift = 30.0 if slot % 2 else 3.3
+    """An unknown identity; half of the time; a fifth of g or a quarter of the field a second, on every
+    axis; one bit in 50."""
+    drift = 12.0 if slot % 2 else 2.0
     return {
         FaultKind.WRONG_ID: 0x5A,
         FaultKind.INTERMITTENT: 0.5,
