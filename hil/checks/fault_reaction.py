@@ -19,6 +19,8 @@ NAMED_WITHIN_S = 0.5
 RECOVERED_WITHIN_S = 1.0
 PATIENCE_S = 4.0
 """How long is waited for the recovery: a late one is told with its time."""
+STAYS_S = 0.2
+"""What is well again must stay so."""
 BEFORE_S = 0.5
 """Readings are looked at from so long before the fault: the last fresh one counts as its beginning."""
 
@@ -33,8 +35,9 @@ def reasons_of(raw: Raw) -> Reasons:
     return reasons
 
 
-def ill(bench: Bench, raw: Raw) -> NDArray[np.bool_]:
-    """(S,) whether a slot is named as faulty."""
+def ill(bench: Bench, raw: object) -> NDArray[np.bool_]:
+    """(S,) whether a slot is named as faulty by a RAW packet."""
+    assert isinstance(raw, Raw)
     return ~np.isin(reasons_of(raw), bench.well)
 
 
@@ -73,7 +76,7 @@ def react(bench: Bench, provoker: Provoker, provocation: Provocation) -> Iterato
     began_s = provoker.start(provocation)
     fault = device.mark()
     noticed = device.wait_for(
-        lambda frame: isinstance(frame.packet, Raw) and bool(np.all(ill(bench, frame.packet)[struck])),
+        lambda frame: is_raw(bench, frame) and bool(np.all(ill(bench, frame.packet)[struck])),
         fault,
         provoker.patience_s,
     )
@@ -106,10 +109,11 @@ def react(bench: Bench, provoker: Provoker, provocation: Provocation) -> Iterato
 
     over = device.mark()
     device.wait_for(
-        lambda frame: isinstance(frame.packet, Raw) and not np.any(ill(bench, frame.packet)),
+        lambda frame: is_raw(bench, frame) and not np.any(ill(bench, frame.packet)),
         over,
         PATIENCE_S,
     )
+    device.receive(STAYS_S)
     frames = raws(bench, fault)
     recovered_s = well_again_s(bench, frames) - (ended_s - delay_s(frames))
     yield Measurement(
@@ -121,12 +125,16 @@ def react(bench: Bench, provoker: Provoker, provocation: Provocation) -> Iterato
     )
 
 
+def is_raw(bench: Bench, frame: Frame) -> bool:
+    """Whether it is a RAW packet of as many slots as INFO says."""
+    raw = frame.packet
+    return isinstance(raw, Raw) and len(raw.accels) + len(raw.mags) == len(bench.info.slots)
+
+
 def raws(bench: Bench, since: int) -> Raws:
-    """RAW packets that came since a place in the log, of as many slots as INFO says."""
-    frames = bench.device.log[since:]
-    slots = len(bench.info.slots)
+    """RAW packets that came since a place in the log. Raises NotRunError if there is none."""
+    frames = [frame for frame in bench.device.log[since:] if is_raw(bench, frame)]
     found = [(frame, frame.packet) for frame in frames if isinstance(frame.packet, Raw)]
-    found = [(frame, raw) for frame, raw in found if len(raw.accels) + len(raw.mags) == slots]
     if not found:
         raise NotRunError("no RAW packets came")
     return found

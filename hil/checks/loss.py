@@ -20,7 +20,7 @@ KINDS = {Mode.ORIENT: Orient, Mode.ORIENT_COMPACT: OrientCompact, Mode.RAW: Raw}
 def link(bench: Bench) -> Iterator[Measurement]:
     """Every scan's packets arrive whole: gaps in the sequence, wrong CRCs and frames that the device gave up
     are each zero. A loose wire, a bad ground or a link that is too slow shows here, in both directions."""
-    recording = bench.stream(bench.rates_hz[-1])
+    recording = bench.stream(bench.carried_hz)
     names = " and ".join(kind.__name__ for flag, kind in KINDS.items() if flag in recording.mode)
     scans = rises(recording, "scans")
     load = f"{names} at {recording.rate_hz} Hz"

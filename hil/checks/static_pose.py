@@ -51,14 +51,13 @@ def gravity_and_field(bench: Bench) -> Iterator[Measurement]:
     yield largest("|a| differs from g by", excess, "%", accelerometers, limit, told)
 
     field_ut = np.linalg.norm(calibrated(magnetometers), axis=1)
-    has_three_axes = bench.calibration.mag_axes == 3
     known_ut = field_ut[np.isfinite(field_ut)]
+    has_three_axes = bench.calibration.mag_axes == 3 and len(known_ut) > 0
     yield Measurement("|B|, smallest", float(known_ut.min(initial=np.inf)), "uT", low=FIELD_UT[0])
-    yield Measurement(
-        "|B|, largest", float(known_ut.max(initial=0.0)), "uT", low=FIELD_UT[0], high=FIELD_UT[1]
-    )
+    highest_ut = float(known_ut.max(initial=-np.inf))
+    yield Measurement("|B|, largest", highest_ut, "uT", low=FIELD_UT[0], high=FIELD_UT[1])
     if bench.is_calibrated and has_three_axes:
-        off = 100 * (field_ut / np.nanmedian(field_ut) - 1)
+        off = 100 * (field_ut / np.median(known_ut) - 1)
         yield largest(
             "|B| differs from its median by", off, "%", magnetometers, FIELD_CALIBRATED_PERCENT, told
         )
@@ -77,15 +76,15 @@ def orientations(bench: Bench) -> Iterator[Measurement]:
     unknown = np.flatnonzero((readings.valid & ~np.isfinite(readings.sigma_rad)).any(axis=0))
     yield none_of("nodes without sigma", (f"node {node}" for node in unknown))
     scatter_rad = angle_rad(readings.q_world_node, mean_orientation(readings))
-    covered = np.array(list(map(share_within, scatter_rad.T, readings.sigma_rad.T)))
-    worst = int(np.nanargmin(np.nan_to_num(covered, nan=-1.0)))
+    covered = [share_within(*node) for node in zip(scatter_rad.T, readings.sigma_rad.T, strict=True)]
+    least = int(np.argmin(np.nan_to_num(covered, nan=-1.0)))
     yield Measurement(
-        "within 3 sigma, least", float(100 * covered[worst]), "%", low=COVERED_PERCENT, where=f"node {worst}"
+        "within 3 sigma, least", 100 * covered[least], "%", low=COVERED_PERCENT, where=f"node {least}"
     )
-    rms_deg = np.degrees(np.sqrt(np.nanmean(scatter_rad**2, axis=0)))
-    noisiest = int(np.nanargmax(np.nan_to_num(rms_deg, nan=-1.0)))
-    yield Measurement("scatter, RMS, largest", float(rms_deg[noisiest]), "deg", where=f"node {noisiest}")
-    yield Measurement("sigma stated, median", float(np.degrees(np.nanmedian(readings.sigma_rad))), "deg")
+    rms_deg = np.degrees([rms(node) for node in scatter_rad.T])
+    most = int(np.argmax(np.nan_to_num(rms_deg, nan=-1.0)))
+    yield Measurement("scatter, RMS, most", float(rms_deg[most]), "deg", where=f"node {most}")
+    yield Measurement("sigma stated, RMS", float(np.degrees(rms(readings.sigma_rad))), "deg")
     for flag in Quality:
         share = 100 * float(np.mean(readings.flags & (flag >> 4) != 0))
         if share:
@@ -101,7 +100,7 @@ def straight_edge(bench: Bench) -> Iterator[Measurement]:
     readings = bench.at_rest()
     q = mean_orientation(readings)
     turn_rad = angle_rad(q[1:], q[:-1])
-    sigma_rad = np.sqrt(np.nanmean(readings.sigma_rad**2, axis=0))
+    sigma_rad = np.array([rms(node) for node in readings.sigma_rad.T])
     ratio = turn_rad / np.hypot(sigma_rad[1:], sigma_rad[:-1])
     known = np.flatnonzero(np.isfinite(ratio))
     if not len(known):
@@ -137,6 +136,12 @@ def angle_rad(a: Array, b: Array) -> Array:
     nearer = np.where(dot[..., None] < 0, -b, b)
     apart, together = np.linalg.norm(a - nearer, axis=-1), np.linalg.norm(a + nearer, axis=-1)
     return np.asarray(4 * np.arctan2(apart, together))
+
+
+def rms(values: Array) -> float:
+    """Root mean square of those that are known; NaN if none is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
 
 
 def share_within(scatter_rad: Array, sigma_rad: Array) -> float:

@@ -22,6 +22,7 @@ from ribbonhost.wire import (
 from ribbonhil.check.check import NotRunError
 from ribbonhil.check.provoke import Provoker
 from ribbonhil.check.readings import Readings, Scans, readings_of, scans_of
+from ribbonhil.conformance.check import expect
 from ribbonhil.conformance.client import Frame
 from ribbonhil.conformance.device import Device, Recording
 
@@ -102,7 +103,13 @@ class Bench:
         """The rates to test, rising."""
         highest_hz = self.info.rate_max_hz
         wanted = self.options.rates_hz or (REST_RATE_HZ, highest_hz)
-        return tuple(sorted({min(rate, highest_hz) for rate in wanted}))
+        return tuple(sorted({max(1, min(rate, highest_hz)) for rate in wanted}))
+
+    @property
+    def carried_hz(self) -> int:
+        """The highest rate to test at which the link carries anything whole; a lower one if there is none."""
+        rates_hz = (*reversed(self.rates_hz), *range(self.rates_hz[0], 0, -1))
+        return next((rate for rate in rates_hz if self._fits(Mode.ORIENT_COMPACT, rate)), 1)
 
     def load(self, rate_hz: int) -> Mode:
         """The most that the link carries at a rate; ORIENT_COMPACT if it does not even carry that."""
@@ -145,7 +152,10 @@ class Bench:
     @cached_property
     def calibration(self) -> Calibration:
         """The calibration record in use. Raises BrokenRuleError or WireError if it cannot be read."""
-        return Calibration.unpack(self.device.read_calibration())
+        calibration = Calibration.unpack(self.device.read_calibration())
+        slots = len(self.info.slots)
+        expect(len(calibration.slots) == slots, f"a calibration of {slots} slots", len(calibration.slots))
+        return calibration
 
     @property
     def is_calibrated(self) -> bool:
