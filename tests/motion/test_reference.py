@@ -30,10 +30,12 @@ class Native:
             place.root = list(state.root.ravel())
             place.known_mps2 = list(state.known_mps2)
             place.x = list(state.x)
-        self.covariance()[:] = covariance
+        for matrix in (self.step.covariance, self.step.predicted_covariance):
+            self.taken_matrix(matrix)[:] = covariance
 
-    def covariance(self) -> np.ndarray:
-        return np.frombuffer(ffi.buffer(self.step.covariance)).reshape(ROWS, ROWS)[:STATES, :STATES]
+    @staticmethod
+    def taken_matrix(matrix: object) -> np.ndarray:
+        return np.frombuffer(ffi.buffer(matrix)).reshape(ROWS, ROWS)[:STATES, :STATES]
 
     @staticmethod
     def taken(state: object) -> State:
@@ -119,7 +121,7 @@ def test_prediction_agrees(dt_s: float) -> None:
     expected = reference.advance_covariance(state, covariance, dt_s, np.zeros(3), JERK, 0.5, 1e-3)
     # The turn of the anchor's frame during the step is taken halfway: second order in the turn.
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    assert np.abs((native.covariance() - expected) / scale).max() < 5e-3
+    assert np.abs((native.taken_matrix(native.step.predicted_covariance) - expected) / scale).max() < 5e-3
 
 
 @pytest.mark.parametrize("field_axes", [2, 3])
@@ -151,4 +153,5 @@ def test_correction_agrees(field_axes: int) -> None:
     off = reference.subtract(native.taken(native.step.state), expected) / sigma
     # The derivative of a segment's turn is taken halfway: 0.2 % of it at 0.2 rad a segment.
     assert np.abs(off).max() < 0.3
-    np.testing.assert_allclose(np.sqrt(np.diag(native.covariance())), sigma, rtol=0.02)
+    covariance = native.taken_matrix(native.step.covariance)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), sigma, rtol=0.02)

@@ -1,10 +1,10 @@
-/* One scan corrects a predicted state: iterated Kalman update in information form, outliers down-weighted. */
+/* One scan corrects a predicted state: iterated Kalman update, outliers down-weighted. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "motion_internal.h"
 
-enum { STRIDE = RIBBON_MOTION_MATRIX_MAX, BLOCK = RIBBON_MOTION_BLOCK_MAX };
+enum { BLOCK = RIBBON_MOTION_BLOCK_MAX };
 
 /* Squared Mahalanobis norm beyond which a sensor is an outlier: one in a million of three Gaussian values. */
 #define GATE 30.0
@@ -12,9 +12,7 @@ enum { STRIDE = RIBBON_MOTION_MATRIX_MAX, BLOCK = RIBBON_MOTION_BLOCK_MAX };
 #define RELINEARISE_RAD 0.02
 #define ITERATIONS      4
 
-/* What is in the working memory while a sample corrects. */
-enum { COVARIANCE, NORMAL, SPARE };        /* matrices: after it, of the magnetometers */
-enum { FORCE, FIELD, OFFSET, CORRECTION }; /* vectors: right sides, errors from the prediction */
+enum { OFFSET, CORRECTION }; /* vectors in the working memory */
 
 size_t ribbon_motion_work_bytes(void) {
     return sizeof(struct ribbon_motion_work);
@@ -31,92 +29,33 @@ static bool usable_field(const struct ribbon_motion_model *model, const struct r
     return sample->field_valid[k] && isfinite(b[0] + b[1] + (model->params.field_axes == 3 ? b[2] : 0.0));
 }
 
-/* Equations of the sensors of one kind, each in units of its noise: rows (count) of derivatives, and what the
- * prediction leaves of the reading. */
+/* Equations of all sensors, each row in units of its noise: those of the magnetometers, which tell of the
+ * first block of the state only, come before those of the accelerometers. */
 struct equations {
-    double (*rows)[STRIDE];
-    double *innovation;
-    size_t count, columns;
-    double values; /* degrees of freedom of those that are no outliers */
-    double sigma;
-};
-
-struct sums {
-    struct equations force, field;
+    size_t fields, rows; /* of the magnetometers, of all */
+    double force_sigma, field_sigma;
     struct ribbon_motion_fit fit;
 };
 
 /* A sample taken at the wrong instant is off by as much as the force changes until then; as it is off along
  * one direction only, a third of the square falls on each axis. */
 static double force_sigma(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                          size_t k, const struct sums *sums) {
+                          size_t k, const struct equations *equations) {
     double change = sample->force_change_mps3[k];
-    return hypot(sums->force.sigma, isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
-}
-
-/* Squared norm of the innovation e of a sensor in units of its covariance J P transpose(J) + sigma^2. */
-WIDE static double mahalanobis(size_t axes, size_t columns, double rows[3][STRIDE], const double e[3],
-                               double variance, const motion_matrix p) {
-    double s[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
-    for (size_t a = 0; a < axes; a++) {
-        double pj[STRIDE];
-        memset(pj, 0, sizeof pj);
-        for (size_t i = 0; i < columns; i++)
-            for (size_t j = 0; j < columns; j++)
-                pj[j] += rows[a][i] * p[i][j];
-        for (size_t b = 0; b < axes; b++) {
-            s[a][b] = a == b ? variance : 0.0;
-            for (size_t j = 0; j < columns; j++)
-                s[a][b] += rows[b][j] * pj[j];
-        }
-    }
-    return motion_quadratic(s, e);
+    return hypot(equations->force_sigma,
+                 isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
 }
 
 /* Adds the sensor whose derivatives are in the next rows: `residual` at the place of linearisation, which
- * lies `offset` from the prediction. Returns whether it is an inlier. */
-static bool add_sensor(struct equations *equations, size_t axes, double sigma, const double residual[3],
-                       const double *offset, const motion_matrix predicted) {
-    double (*rows)[STRIDE] = equations->rows + equations->count;
-    double *innovation = equations->innovation + equations->count;
-    double e[3] = {0.0, 0.0, 0.0}, variance = sigma * sigma, weight = 1.0 / sigma;
-    size_t columns = equations->columns;
+ * lies `offset` from the prediction. */
+static void add_sensor(size_t axes, size_t columns, double sigma, const double residual[3],
+                       const double *offset, struct ribbon_motion_work *work, struct equations *equations) {
     for (size_t a = 0; a < axes; a++) {
-        e[a] = residual[a];
+        double *row = work->rows[equations->rows];
+        work->innovation[equations->rows++] = (residual[a] + motion_dot(columns, row, offset)) / sigma;
         for (size_t j = 0; j < columns; j++)
-            e[a] += rows[a][j] * offset[j];
+            row[j] *= 1.0 / sigma;
     }
-    bool inlier = true;
-    /* The covariance is not less than that of the noise alone. */
-    if (dot(e, e) > GATE * variance) {
-        double distance = mahalanobis(axes, columns, rows, e, variance, predicted);
-        inlier = distance <= GATE;
-        /* The further off, the less it pulls. */
-        if (!inlier)
-            weight *= GATE / distance;
-    }
-    for (size_t a = 0; a < axes; a++) {
-        innovation[a] = weight * e[a];
-        for (size_t j = 0; j < columns; j++)
-            rows[a][j] *= weight;
-    }
-    equations->count += axes;
-    equations->values += inlier ? (double)axes : 0.0;
-    return inlier;
-}
-
-/* rhs += transpose(rows) innovation. */
-static void add_right_side(const struct equations *equations, double *rhs) {
-    for (size_t k = 0; k < equations->count; k++)
-        for (size_t j = 0; j < equations->columns; j++)
-            rhs[j] += equations->innovation[k] * equations->rows[k][j];
-}
-
-static double sum_of_squares(const struct equations *equations) {
-    double sum = 0.0;
-    for (size_t k = 0; k < equations->count; k++)
-        sum += equations->innovation[k] * equations->innovation[k];
-    return sum;
 }
 
 /* What an accelerometer reads less its offset, in the frame of the anchor. */
@@ -135,10 +74,10 @@ static void unbiased_force(const struct ribbon_motion_model *model, const struct
 /* Specific force, seen from the anchor: that of the anchor and the acceleration of the shape. */
 static void add_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                       const struct ribbon_motion_state *at, size_t k, const double *offset,
-                      const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+                      struct ribbon_motion_work *work, struct equations *equations) {
     size_t nb = model->block, slot = 2 * k, last = model->states - 3;
     const struct motion_shape *shape = &work->shape;
-    double (*rows)[STRIDE] = sums->force.rows + sums->force.count;
+    double (*rows)[RIBBON_MOTION_MATRIX_MAX] = work->rows + equations->rows;
     double v[3], measured[3], residual[3];
     unbiased_force(model, sample, at, k, shape, measured);
     for (size_t d = 0; d < 3; d++) {
@@ -157,18 +96,17 @@ static void add_force(const struct ribbon_motion_model *model, const struct ribb
         for (size_t d = 0; d < 3; d++)
             rows[d][j] += c[d];
     }
-    sums->fit.forces++;
-    if (!add_sensor(&sums->force, 3, force_sigma(model, sample, k, sums), residual, offset, predicted))
-        sums->fit.force_outliers++;
+    equations->fit.forces++;
+    add_sensor(3, model->states, force_sigma(model, sample, k, equations), residual, offset, work, equations);
 }
 
 static void add_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                       const struct ribbon_motion_state *at, size_t k, const double *offset,
-                      const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+                      struct ribbon_motion_work *work, struct equations *equations) {
     size_t nb = model->block, slot = 2 * k + 1, axes = (size_t)model->params.field_axes;
     const double *rotation = work->shape.rotation[slot];
-    double (*rows)[STRIDE] = sums->field.rows + sums->field.count;
-    double field[3], expected[3], residual[3] = {0.0, 0.0, 0.0};
+    double (*rows)[RIBBON_MOTION_MATRIX_MAX] = work->rows + equations->rows;
+    double field[3], expected[3], residual[3];
     rotate_back(at->root, model->params.field_ut, field);
     rotate_back(rotation, field, expected);
     /* The node turns on until the magnetometer samples. */
@@ -185,9 +123,8 @@ static void add_field(const struct ribbon_motion_model *model, const struct ribb
             rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
                          m[2] * work->shape.turn[slot][2][j];
     }
-    sums->fit.fields++;
-    if (!add_sensor(&sums->field, axes, sums->field.sigma, residual, offset, predicted))
-        sums->fit.field_outliers++;
+    equations->fit.fields++;
+    add_sensor(axes, nb, equations->field_sigma, residual, offset, work, equations);
 }
 
 /* The derivative of the acceleration from slot i to the next. */
@@ -209,17 +146,19 @@ static void integrate_pull(const struct ribbon_motion_model *model, size_t i,
 /* Equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
 static void add_sensors(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                         const struct ribbon_motion_state *at, const double *offset,
-                        const motion_matrix predicted, struct ribbon_motion_work *work, struct sums *sums) {
+                        struct ribbon_motion_work *work, struct equations *equations) {
+    size_t nodes = model->params.nodes;
     motion_shape(model, at, true, &work->shape);
-    memset(work->pull, 0, sizeof work->pull);
-    for (size_t k = 0; k < model->params.nodes; k++) {
-        if (usable_force(sample, k))
-            add_force(model, sample, at, k, offset, predicted, work, sums);
-        integrate_pull(model, 2 * k, work);
+    for (size_t k = 0; k < nodes; k++)
         if (usable_field(model, sample, k))
-            add_field(model, sample, at, k, offset, predicted, work, sums);
-        if (k + 1 < model->params.nodes)
-            integrate_pull(model, 2 * k + 1, work);
+            add_field(model, sample, at, k, offset, work, equations);
+    equations->fields = equations->rows;
+    memset(work->pull, 0, sizeof work->pull);
+    for (size_t k = 0; k < nodes; k++) {
+        if (usable_force(sample, k))
+            add_force(model, sample, at, k, offset, work, equations);
+        for (size_t i = 2 * k; i < 2 * k + 2 && i + 1 < model->slots; i++)
+            integrate_pull(model, i, work);
     }
 }
 
@@ -253,7 +192,7 @@ static double quantile(double *values, size_t count, double share) {
  * no say. Of the magnetometers half and more may be beside one magnet. */
 static void typical_residuals(const struct ribbon_motion_model *model,
                               const struct ribbon_motion_sample *sample,
-                              const struct ribbon_motion_state *state, const struct sums *sums,
+                              const struct ribbon_motion_state *state, const struct equations *equations,
                               struct motion_shape *shape, struct ribbon_motion_fit *fit) {
     double forces[RIBBON_MOTION_NODE_MAX], fields[RIBBON_MOTION_NODE_MAX], residual[3], field[3];
     size_t force_count = 0, field_count = 0, axes = (size_t)model->params.field_axes;
@@ -266,7 +205,7 @@ static void typical_residuals(const struct ribbon_motion_model *model,
             for (size_t d = 0; d < 3; d++)
                 residual[d] -= shape->acceleration[2 * k][d] + state->x[model->states - 3 + d];
             memcpy(fit->force_left[k], residual, sizeof residual);
-            double sigma = force_sigma(model, sample, k, sums);
+            double sigma = force_sigma(model, sample, k, equations);
             forces[force_count++] = dot(residual, residual) / (MEDIAN_3 * sigma * sigma);
         }
         if (usable_field(model, sample, k)) {
@@ -279,8 +218,8 @@ static void typical_residuals(const struct ribbon_motion_model *model,
                 double e = sample->field_ut[k][a] - residual[a] - model->params.field_later_s * later[a];
                 square += e * e;
             }
-            fields[field_count++] =
-                square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * sums->field.sigma * sums->field.sigma);
+            fields[field_count++] = square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * equations->field_sigma *
+                                              equations->field_sigma);
         }
     }
     fit->force_residual = quantile(forces, force_count, 0.5);
@@ -289,23 +228,21 @@ static void typical_residuals(const struct ribbon_motion_model *model,
 
 /* A correction has the covariance that the update takes from the state: with the right jerk its square is, on
  * average, what is expected. */
-static void judge_corrections(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
-                              const struct ribbon_motion_state *to, const double *x,
-                              const motion_matrix before_covariance, const motion_matrix covariance,
-                              struct ribbon_motion_fit *fit) {
+static void judge_corrections(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step,
+                              const double *x, struct ribbon_motion_fit *fit) {
     double before[3], after[3], square = 0.0;
-    motion_anchor_acceleration(model, from, before);
-    motion_anchor_acceleration(model, to, after);
+    motion_anchor_acceleration(model, &step->predicted, before);
+    motion_anchor_acceleration(model, &step->state, after);
     for (int d = 0; d < 3; d++)
         square += (after[d] - before[d]) * (after[d] - before[d]);
-    double taken =
-        motion_anchor_variance(model, to, before_covariance) - motion_anchor_variance(model, to, covariance);
+    double taken = motion_anchor_variance(model, &step->state, step->predicted_covariance) -
+                   motion_anchor_variance(model, &step->state, step->covariance);
     fit->anchor_correction = taken > 0.0 ? square / taken : 1.0;
     double count[RIBBON_MOTION_JERK_COUNT] = {0.0};
     for (size_t i = 0; i < model->block; i++) {
         enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
         size_t k = 2 * model->block + i;
-        double expected = before_covariance[k][k] - covariance[k][k];
+        double expected = step->predicted_covariance[k][k] - step->covariance[k][k];
         if (expected > 0.0) {
             fit->jerk_correction[kind] += x[k] * x[k] / expected;
             count[kind] += 1.0;
@@ -315,63 +252,142 @@ static void judge_corrections(const struct ribbon_motion_model *model, const str
         fit->jerk_correction[kind] = count[kind] > 0.0 ? fit->jerk_correction[kind] / count[kind] : 1.0;
 }
 
-/* Innovation and residuals a degree of freedom. With the information L before, the covariance P after and the
- * correction x, the accelerometers' part in the normalised innovation is their squares less b x, b their part
- * of the right side. The sensors take n - trace(L P) degrees of freedom for the correction, the magnetometers
- * of these trace(N P), N their normal matrix; what they have beside is left for the residuals. */
-static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_step *step, const struct ribbon_motion_state *state,
-                      const struct sums *sums, struct ribbon_motion_work *work,
-                      struct ribbon_motion_fit *fit) {
-    const double *force = work->vector[FORCE], *field = work->vector[FIELD], *x = work->vector[CORRECTION];
-    double explained = 0.0, explained_field = 0.0;
-    size_t n = model->states;
-    for (size_t i = 0; i < n; i++) {
-        explained += force[i] * x[i];
-        explained_field += field[i] * x[i];
+/* Score test: with the derivatives H by an acceleration of the anchor and the covariance S of the innovations
+ * e the gradient is transpose(H) inverse(S) e, and its covariance transpose(H) inverse(S) H. */
+static double anchor_score(const struct ribbon_motion_model *model, const struct ribbon_motion_work *work,
+                           const struct equations *equations) {
+    double gradient[3] = {0.0}, covariance[3][3] = {{0.0}};
+    for (size_t i = equations->fields; i < equations->rows; i++) {
+        double white[3] = {0.0};
+        for (size_t d = 0; d < 3; d++) {
+            size_t column = model->states - 3 + d;
+            gradient[d] += work->rows[i][column] * work->solved[i];
+            for (size_t k = equations->fields; k <= i; k++)
+                white[d] += work->whitener[i][k] * work->rows[k][column];
+        }
+        for (size_t a = 0; a < 3; a++)
+            for (size_t b = 0; b < 3; b++)
+                covariance[a][b] += white[a] * white[b];
     }
-    double taken = (double)n - motion_trace(n, step->information, work->matrix[COVARIANCE]);
-    double fields = motion_trace(model->block, work->matrix[NORMAL], work->matrix[COVARIANCE]);
-    *fit = sums->fit;
-    judge_corrections(model, &step->predicted, state, x, step->covariance, work->matrix[COVARIANCE], fit);
-    double values = sums->force.values, field_values = sums->field.values;
-    double force_freedom = values - (taken - fields);
-    /* Overlapping readings are given more noise than each has: that much smaller are the squares expected. */
-    double share = values > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / values)) : 0.0;
-    double expected = 1.0 - (1.0 - 1.0 / model->params.force_overlap) * share;
-    fit->force_innovation =
-        values > 0.0 ? (sum_of_squares(&sums->force) - explained) / (values * expected) : 1.0;
-    fit->field_innovation =
-        field_values > 0.0 ? (sum_of_squares(&sums->field) - explained_field) / field_values : 1.0;
-    double field_freedom = field_values - fields;
-    typical_residuals(model, sample, state, sums, &work->shape, fit);
-    /* With hardly any freedom left there is nothing to learn from the residual. */
-    fit->force_residual =
-        force_freedom > 0.2 * values ? fit->force_residual * values / (force_freedom * expected) : 1.0;
-    fit->field_residual =
-        field_freedom > 0.2 * field_values ? fit->field_residual * field_values / field_freedom : 1.0;
+    double score = motion_quadratic(covariance, gradient) / 3.0;
+    return isfinite(score) && score > 0.0 ? score : 0.0;
 }
 
-/* Correction of the prediction and covariance, of sensors linearised at `at`; false if the latter is none. */
-static bool solve(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step,
-                  const struct sums *sums, struct ribbon_motion_work *work) {
-    size_t n = model->states, nb = model->block;
-    double *force = work->vector[FORCE], *field = work->vector[FIELD], rhs[RIBBON_MOTION_STATE_MAX];
-    motion_matrix *sum = &work->matrix[COVARIANCE], *normal = &work->matrix[NORMAL];
-    memset(force, 0, n * sizeof(double));
-    memset(field, 0, n * sizeof(double));
-    add_right_side(&sums->force, force);
-    add_right_side(&sums->field, field);
-    motion_gram(n, sums->force.count, (const double (*)[STRIDE])sums->force.rows, *sum);
-    motion_gram(nb, sums->field.count, (const double (*)[STRIDE])sums->field.rows, *normal);
-    for (size_t i = 0; i < n; i++) {
-        rhs[i] = force[i] + field[i];
-        for (size_t j = i; j < n; j++)
-            (*sum)[i][j] += step->information[i][j] + (j < nb ? (*normal)[i][j] : 0.0);
+/* Rows [first, last) of the equations, with the covariance S of their innovations e in units of the noise. */
+struct share {
+    double square;  /* of e inverse(S) e: the normalised innovation */
+    double freedom; /* trace of inverse(S): what the correction leaves to the residuals */
+};
+
+static struct share share_of(const struct ribbon_motion_work *work, const struct equations *equations,
+                             size_t first, size_t last) {
+    struct share share = {0.0, 0.0};
+    for (size_t i = first; i < last; i++)
+        share.square += work->innovation[i] * work->solved[i];
+    for (size_t k = first; k < equations->rows; k++)
+        for (size_t i = first; i < (k < last ? k + 1 : last); i++)
+            share.freedom += work->whitener[k][i] * work->whitener[k][i];
+    return share;
+}
+
+static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                      const struct ribbon_motion_step *step, const struct equations *equations,
+                      struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
+    *fit = equations->fit;
+    judge_corrections(model, step, work->vector[CORRECTION], fit);
+    fit->anchor_score = anchor_score(model, work, equations);
+    struct share force = share_of(work, equations, equations->fields, equations->rows);
+    struct share field = share_of(work, equations, 0, equations->fields);
+    /* Outliers do not count. */
+    double axes = (double)model->params.field_axes;
+    double forces = 3.0 * (double)(fit->forces - fit->force_outliers);
+    double fields = axes * (double)(fit->fields - fit->field_outliers);
+    double force_freedom = force.freedom - 3.0 * (double)fit->force_outliers;
+    double field_freedom = field.freedom - axes * (double)fit->field_outliers;
+    /* Overlapping readings are given more noise than each has: that much smaller are the squares expected. */
+    double left = forces > 0.0 ? fmin(1.0, fmax(0.0, force_freedom / forces)) : 0.0;
+    double expected = 1.0 - (1.0 - 1.0 / model->params.force_overlap) * left;
+    fit->force_innovation = forces > 0.0 ? force.square / (forces * expected) : 1.0;
+    fit->field_innovation = fields > 0.0 ? field.square / fields : 1.0;
+    typical_residuals(model, sample, &step->state, equations, &work->shape, fit);
+    /* With hardly any freedom left there is nothing to learn from the residual. */
+    fit->force_residual =
+        force_freedom > 0.2 * forces ? fit->force_residual * forces / (force_freedom * expected) : 1.0;
+    fit->field_residual = field_freedom > 0.2 * fields ? fit->field_residual * fields / field_freedom : 1.0;
+}
+
+/* Covariance of the innovations in units of their noise, without the noise: upper triangle of the spread. */
+static void spread_innovations(const struct ribbon_motion_model *model, motion_matrix predicted,
+                               const struct equations *equations, struct ribbon_motion_work *work) {
+    size_t n = model->states, nb = model->block, fields = equations->fields;
+    size_t rows = equations->rows, forces = rows - fields;
+    struct motion_view all = MOTION_VIEW(work->rows), through = MOTION_VIEW(work->through);
+    struct motion_view across = MOTION_VIEW(work->across), spread = MOTION_VIEW(work->spread);
+    struct motion_view force = {work->rows[fields], all.stride};
+    motion_product(fields, nb, n, all, MOTION_VIEW(predicted), through);
+    motion_product(forces, n, n, force, MOTION_VIEW(predicted),
+                   (struct motion_view){work->through[fields], through.stride});
+    motion_transpose_rows(rows, n, work->through, work->across);
+    motion_product(fields, nb, rows, all, across, spread);
+    motion_product(forces, n, forces, force, (struct motion_view){&work->across[0][fields], across.stride},
+                   (struct motion_view){&work->spread[fields][fields], spread.stride});
+}
+
+/* Outliers among the sensors that have `axes` rows each from `first` on: the further off, the less they pull.
+ * Returns their count. */
+static size_t weigh(size_t axes, size_t first, size_t last, size_t rows, struct ribbon_motion_work *work) {
+    size_t outliers = 0;
+    for (size_t row = first; row < last; row += axes) {
+        double e[3] = {0.0}, s[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+        for (size_t a = 0; a < axes; a++) {
+            e[a] = work->innovation[row + a];
+            for (size_t b = 0; b < axes; b++)
+                s[a][b] += work->spread[row + (a < b ? a : b)][row + (a < b ? b : a)];
+        }
+        double distance = motion_quadratic(s, e);
+        if (distance <= GATE)
+            continue;
+        double weight = GATE / distance;
+        outliers++;
+        for (size_t i = row; i < row + axes; i++) {
+            work->innovation[i] *= weight;
+            for (size_t j = 0; j < RIBBON_MOTION_MATRIX_MAX; j++) {
+                work->rows[i][j] *= weight;
+                work->through[i][j] *= weight;
+            }
+            for (size_t j = 0; j <= i; j++)
+                work->spread[j][i] *= weight;
+            for (size_t j = i; j < rows; j++)
+                work->spread[i][j] *= weight;
+        }
     }
-    if (!motion_invert(n, *sum, *sum, work->matrix[SPARE]))
+    return outliers;
+}
+
+/* Correction and covariance of the step from the equations; false if the covariance predicted is none. */
+static bool solve(const struct ribbon_motion_model *model, struct ribbon_motion_step *step,
+                  struct equations *equations, struct ribbon_motion_work *work) {
+    size_t n = model->states, rows = equations->rows;
+    double *x = work->vector[CORRECTION];
+    spread_innovations(model, step->predicted_covariance, equations, work);
+    equations->fit.field_outliers = weigh((size_t)model->params.field_axes, 0, equations->fields, rows, work);
+    equations->fit.force_outliers = weigh(3, equations->fields, rows, rows, work);
+    for (size_t i = 0; i < rows; i++)
+        work->spread[i][i] += 1.0;
+    if (!motion_whiten(rows, work->spread, work->whitener))
         return false;
-    motion_apply(n, *sum, rhs, work->vector[CORRECTION]);
+    memset(work->solved, 0, rows * sizeof(double));
+    memset(x, 0, n * sizeof(double));
+    for (size_t i = 0; i < rows; i++) {
+        double white = motion_dot(i + 1, work->whitener[i], work->innovation);
+        for (size_t k = 0; k <= i; k++)
+            work->solved[k] += work->whitener[i][k] * white;
+    }
+    for (size_t i = 0; i < rows; i++)
+        for (size_t j = 0; j < n; j++)
+            x[j] += work->through[i][j] * work->solved[i];
+    motion_lower_product(rows, n, MOTION_VIEW(work->whitener), MOTION_VIEW(work->through),
+                         MOTION_VIEW(work->whitened));
     return true;
 }
 
@@ -381,37 +397,28 @@ int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct 
                           struct ribbon_motion_work *work) {
     size_t n = model->states;
     double *offset = work->vector[OFFSET], *correction = work->vector[CORRECTION];
-    struct ribbon_motion_state at = around ? *around : step->predicted;
-    step->state = step->predicted;
+    struct equations equations;
+    step->state = around ? *around : step->predicted;
     memset(fit, 0, sizeof *fit);
-    if (!motion_invert(n, step->covariance, step->information, work->matrix[SPARE]))
-        return RIBBON_MOTION_ERROR_NOT_FINITE;
-    int iterations = around ? 1 : ITERATIONS;
-    for (int iteration = 0; iteration < iterations; iteration++) {
-        struct sums sums = {
-            .force = {.rows = work->force_rows,
-                      .innovation = work->force_innovation,
-                      .columns = n,
-                      .sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
-                                         model->params.accel_sigma_mps2,
-                                     scales->slack_mps2)},
-            .field = {.rows = work->field_rows,
-                      .innovation = work->field_innovation,
-                      .columns = model->block,
-                      .sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut},
+    bool last = false;
+    for (int iteration = 1; !last; iteration++) {
+        equations = (struct equations){
+            .force_sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
+                                     model->params.accel_sigma_mps2,
+                                 scales->slack_mps2),
+            .field_sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut,
         };
-        motion_subtract(model, &at, &step->predicted, offset);
-        add_sensors(model, sample, &at, offset, step->covariance, work, &sums);
-        if (!solve(model, step, &sums, work))
+        motion_subtract(model, &step->state, &step->predicted, offset);
+        add_sensors(model, sample, &step->state, offset, work, &equations);
+        if (!solve(model, step, &equations, work)) {
+            step->state = step->predicted;
+            memcpy(step->covariance, step->predicted_covariance, sizeof(motion_matrix));
             return RIBBON_MOTION_ERROR_NOT_FINITE;
-        motion_add(model, &step->predicted, correction, &at);
-        bool last = iteration + 1 == iterations || moved(model, correction, offset) < RELINEARISE_RAD;
-        if (last) {
-            judge_fit(model, sample, step, &at, &sums, work, fit);
-            break;
         }
+        motion_add(model, &step->predicted, correction, &step->state);
+        last = around || iteration == ITERATIONS || moved(model, correction, offset) < RELINEARISE_RAD;
     }
-    step->state = at;
-    memcpy(step->covariance, work->matrix[COVARIANCE], sizeof(motion_matrix));
+    motion_subtract_squares(n, equations.rows, work->whitened, step->predicted_covariance, step->covariance);
+    judge_fit(model, sample, step, &equations, work, fit);
     return 0;
 }

@@ -67,7 +67,12 @@ size_t motion_quadrature(size_t slots, size_t i, double weight[4]);
 void motion_shape(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
                   bool derivatives, struct motion_shape *shape);
 
+enum { MOTION_ROW_MAX = 6 * RIBBON_MOTION_NODE_MAX }; /* values of all sensors */
+
 typedef double motion_matrix[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX];
+typedef double motion_rows[MOTION_ROW_MAX][RIBBON_MOTION_MATRIX_MAX];
+typedef double motion_columns[RIBBON_MOTION_MATRIX_MAX][MOTION_ROW_MAX];
+typedef double motion_spread[MOTION_ROW_MAX][MOTION_ROW_MAX];
 
 /* On processors that have wider vectors the functions in which the time is spent use them. Both kinds are
  * chosen by feature: of arch= only exactly that processor would have a use. */
@@ -80,23 +85,45 @@ typedef double motion_matrix[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX]
 /* A part of such a function. */
 #define PART static inline __attribute__((always_inline))
 
+/* Rows of numbers, `stride` from one to the next. */
+struct motion_view {
+    double *at;
+    size_t stride;
+};
+
+/* The view of an array of arrays. */
+#define MOTION_VIEW(a) ((struct motion_view){(double *)(a), sizeof((a)[0]) / sizeof((a)[0][0])})
+
+/* In all of these, outputs are whole tiles of 6 x 8: there must be memory for them, and what lies beyond the
+ * given sizes means nothing. */
+
 /* out = inverse of symmetric positive definite a (n, n), of which the upper triangle is read; out may be a.
  * False, with out undefined, if it is not positive definite. */
 bool motion_invert(size_t n, const motion_matrix a, motion_matrix out, motion_matrix workspace);
-/* The upper triangle of out = transpose(rows) rows, rows (count, n). */
-void motion_gram(size_t n, size_t count, const double (*rows)[RIBBON_MOTION_MATRIX_MAX], motion_matrix out);
-/* out = a b for (n, n); out must not overlap. */
-void motion_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
-/* e inverse(s) e, s symmetric. */
-double motion_quadratic(double s[3][3], const double e[3]);
-/* The same where the result is known to be symmetric. */
+/* whitener x, a lower triangle, with x s transpose(x) = 1 for symmetric positive definite s (n, n), of which
+ * the upper triangle is read and which is lost. False, with x undefined, if it is not positive definite. */
+bool motion_whiten(size_t n, motion_spread s, motion_spread x);
+/* out (rows, columns) = a (rows, inner) b (inner, columns); out must not overlap. */
+void motion_product(size_t rows, size_t inner, size_t columns, struct motion_view a, struct motion_view b,
+                    struct motion_view out);
+/* The same with a lower triangle a (rows, rows). */
+void motion_lower_product(size_t rows, size_t columns, struct motion_view a, struct motion_view b,
+                          struct motion_view out);
+/* out = a b for (n, n) where that is known to be symmetric; out must not overlap. */
 void motion_symmetric_product(size_t n, const motion_matrix a, const motion_matrix b, motion_matrix out);
-/* trace(a b) of two symmetric matrices, of which the upper triangles are read. */
-double motion_trace(size_t n, const motion_matrix a, const motion_matrix b);
+/* out = from - transpose(rows) rows, rows (count, n), from symmetric. */
+void motion_subtract_squares(size_t n, size_t count, const motion_rows rows, const motion_matrix from,
+                             motion_matrix out);
 /* a = transpose(a). */
 void motion_transpose(size_t n, motion_matrix a);
+/* columns (n, count) = transpose(rows) of rows (count, n). */
+void motion_transpose_rows(size_t count, size_t n, const motion_rows rows, motion_columns columns);
+/* a b of vectors. */
+double motion_dot(size_t n, const double *a, const double *b);
 /* out = a v for (n, n). */
 void motion_apply(size_t n, const motion_matrix a, const double *v, double *out);
+/* e inverse(s) e, s symmetric. */
+double motion_quadratic(double s[3][3], const double e[3]);
 
 /* to = from + d in the order of the error; `to` may be `from`. */
 void motion_add(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
@@ -149,20 +176,23 @@ static inline size_t motion_anchor_index(const struct ribbon_motion_model *model
 void motion_learn_nothing(struct ribbon_motion_tracker *tracker);
 void motion_learn_anew(struct ribbon_motion_tracker *tracker, bool still);
 void motion_learn(struct ribbon_motion_tracker *tracker, const struct ribbon_motion_sample *sample,
-                  double dt_s, struct ribbon_motion_step *step, struct ribbon_motion_work *work);
+                  double dt_s, struct ribbon_motion_step *step);
 /* Raises all jerks; false if they cannot be larger. */
 bool motion_livelier(struct ribbon_motion_tracker *tracker);
 
 struct ribbon_motion_work {
     struct motion_shape shape;
-    motion_matrix matrix[3];
-    /* Equations of the sensors. */
-    double force_rows[3 * RIBBON_MOTION_NODE_MAX][RIBBON_MOTION_MATRIX_MAX];
-    double field_rows[3 * RIBBON_MOTION_NODE_MAX][RIBBON_MOTION_MATRIX_MAX];
-    double force_innovation[3 * RIBBON_MOTION_NODE_MAX], field_innovation[3 * RIBBON_MOTION_NODE_MAX];
     double pull[3]
                [3 * RIBBON_MOTION_BLOCK_MAX]; /* derivative of the acceleration, running along the ribbon */
-    double vector[4][RIBBON_MOTION_STATE_MAX];
+    /* While a sample corrects: derivatives of the readings, their product with the covariance of the
+     * prediction, whitened; the transpose of that product; the covariance of the innovations, and what
+     * whitens it. */
+    motion_rows rows, through, whitened;
+    motion_columns across;
+    motion_spread spread, whitener;
+    double innovation[MOTION_ROW_MAX], solved[MOTION_ROW_MAX];
+    motion_matrix matrix[3];
+    double vector[2][RIBBON_MOTION_STATE_MAX];
 };
 
 #endif

@@ -79,38 +79,12 @@ static void mix(double *mean, double value, double weight) {
     *mean += weight * (value - *mean);
 }
 
-/* Score test for an acceleration of the anchor at this instant, a degree of freedom. With the information L
- * before and the covariance P after a correction x: the gradient is L x and its covariance L - L P L, at the
- * rows of the anchor's specific force. */
-static double anchor_score(const struct ribbon_motion_model *model, const struct ribbon_motion_step *step,
-                           struct ribbon_motion_work *work) {
-    size_t n = model->states, last = n - 3;
-    double *x = work->vector[0], *applied = work->vector[1], g[3], s[3][3];
-    motion_subtract(model, &step->state, &step->predicted, x);
-    for (size_t a = 0; a < 3; a++) {
-        const double *row = step->information[last + a];
-        g[a] = 0.0;
-        for (size_t j = 0; j < n; j++)
-            g[a] += row[j] * x[j];
-    }
-    for (size_t a = 0; a < 3; a++) {
-        motion_apply(n, step->covariance, step->information[last + a], applied);
-        for (size_t b = 0; b < 3; b++) {
-            s[a][b] = step->information[last + a][last + b];
-            for (size_t j = 0; j < n; j++)
-                s[a][b] -= applied[j] * step->information[last + b][j];
-        }
-    }
-    double score = motion_quadratic(s, g) / 3.0;
-    return isfinite(score) && score > 0.0 ? score : 0.0;
-}
-
 /* An acceleration of the anchor is made room for at once when samples ask for it. Without that its variance
  * shrinks while both corrections and the acceleration itself are smaller than it says: corrections alone do
  * not tell, for a smooth acceleration needs few, nor does the acceleration, which is unknown at first. */
-static void judge_anchor(struct ribbon_motion_tracker *t, double dt_s, const struct ribbon_motion_step *step,
-                         struct ribbon_motion_work *work) {
-    mix(&t->anchor_test, anchor_score(&t->model, step, work), newest(dt_s, MISFIT_FADE_S));
+static void judge_anchor(struct ribbon_motion_tracker *t, double dt_s,
+                         const struct ribbon_motion_step *step) {
+    mix(&t->anchor_test, t->fit.anchor_score, newest(dt_s, MISFIT_FADE_S));
     if (t->anchor_test > ANCHOR_ALARM) {
         t->scales.anchor = fmin(1.0, 10.0 * t->scales.anchor);
         return;
@@ -191,7 +165,7 @@ static void judge_jerk(struct ribbon_motion_tracker *t, double dt_s, bool still)
 }
 
 void motion_learn(struct ribbon_motion_tracker *t, const struct ribbon_motion_sample *sample, double dt_s,
-                  struct ribbon_motion_step *step, struct ribbon_motion_work *work) {
+                  struct ribbon_motion_step *step) {
     struct ribbon_motion_scales *s = &t->scales;
     bool young = t->status == RIBBON_MOTION_SETTLING;
     double fade_s = young ? NOISE_LEARN_S : NOISE_FADE_S;
@@ -207,5 +181,5 @@ void motion_learn(struct ribbon_motion_tracker *t, const struct ribbon_motion_sa
     if (young)
         return;
     judge_jerk(t, dt_s, sample->level_still != 0);
-    judge_anchor(t, dt_s, step, work);
+    judge_anchor(t, dt_s, step);
 }

@@ -296,10 +296,9 @@ int ribbon_motion_advance(const struct ribbon_motion_model *model, const struct 
     memcpy(step->predicted.known_mps2, sample->anchor_mps2, sizeof step->predicted.known_mps2);
     motion_transition(model, &from, &step->predicted, &f);
     advance_state(model, &f, &step->predicted);
-    if (step != before)
-        memcpy(step->covariance, before->covariance, sizeof step->covariance);
-    motion_both_sides(model, &f, true, step->covariance);
-    add_process_noise(model, &f, scales, step->covariance);
-    motion_both_sides(model, &f, false, step->covariance);
+    memcpy(step->predicted_covariance, before->covariance, sizeof step->predicted_covariance);
+    motion_both_sides(model, &f, true, step->predicted_covariance);
+    add_process_noise(model, &f, scales, step->predicted_covariance);
+    motion_both_sides(model, &f, false, step->predicted_covariance);
     return 0;
 }

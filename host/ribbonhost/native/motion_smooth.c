@@ -10,25 +10,27 @@
 /* covariance = P + P transpose(F) (I S I - I) F P, with P of the step, I the information predicted for the
  * step after and S the covariance smoothed there. */
 static void smooth_covariance(const struct ribbon_motion_model *model, const struct motion_transition *f,
-                              const struct ribbon_motion_step *step, const struct ribbon_motion_step *after,
-                              const motion_matrix smoothed_after, motion_matrix covariance,
+                              const struct ribbon_motion_step *step, motion_matrix information,
+                              motion_matrix smoothed_after, motion_matrix covariance,
                               struct ribbon_motion_work *work) {
     size_t n = model->states;
-    motion_product(n, after->information, smoothed_after, work->matrix[0]);
-    motion_symmetric_product(n, work->matrix[0], after->information, work->matrix[1]);
+    motion_matrix *half = &work->matrix[0], *whole = &work->matrix[1];
+    motion_product(n, n, n, MOTION_VIEW(information), MOTION_VIEW(smoothed_after), MOTION_VIEW(*half));
+    motion_symmetric_product(n, *half, information, *whole);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++)
-            work->matrix[1][i][j] -= after->information[i][j];
-        motion_backward(model, f, work->matrix[1][i]);
+            (*whole)[i][j] -= information[i][j];
+        motion_backward(model, f, (*whole)[i]);
     }
-    motion_transpose(n, work->matrix[1]);
+    motion_transpose(n, *whole);
     for (size_t i = 0; i < n; i++)
-        motion_backward(model, f, work->matrix[1][i]);
-    motion_product(n, step->covariance, work->matrix[1], work->matrix[0]);
-    motion_symmetric_product(n, work->matrix[0], step->covariance, work->matrix[1]);
+        motion_backward(model, f, (*whole)[i]);
+    memcpy(covariance, step->covariance, sizeof(motion_matrix));
+    motion_product(n, n, n, MOTION_VIEW(covariance), MOTION_VIEW(*whole), MOTION_VIEW(*half));
+    motion_symmetric_product(n, *half, step->covariance, *whole);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
-            covariance[i][j] = step->covariance[i][j] + work->matrix[1][i][j];
+            covariance[i][j] += (*whole)[i][j];
 }
 
 void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
@@ -37,6 +39,7 @@ void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
                           size_t covariance_count, struct ribbon_motion_work *work) {
     size_t n = model->states, later = count; /* the next good step, `count`: none that is linked */
     double *d = work->vector[0], *v = work->vector[1];
+    motion_matrix *information = &work->matrix[2];
     for (size_t k = count; k-- > 0;) {
         const struct ribbon_motion_step *step = &steps[k];
         if (step->status == RIBBON_MOTION_WAITING)
@@ -44,17 +47,18 @@ void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
         states[k] = step->state;
         if (covariances && k < covariance_count)
             memcpy(covariances[k], step->covariance, sizeof step->covariance);
-        if (later < count) {
-            const struct ribbon_motion_step *after = &steps[later];
+        if (later < count &&
+            motion_invert(n, steps[later].predicted_covariance, *information, work->matrix[0])) {
+            const struct ribbon_motion_state *predicted = &steps[later].predicted;
             struct motion_transition f;
-            motion_transition(model, &step->state, &after->predicted, &f);
-            motion_subtract(model, &states[later], &after->predicted, d);
-            motion_apply(n, after->information, d, v);
+            motion_transition(model, &step->state, predicted, &f);
+            motion_subtract(model, &states[later], predicted, d);
+            motion_apply(n, *information, d, v);
             motion_backward(model, &f, v);
             motion_apply(n, step->covariance, v, d);
             motion_add(model, &step->state, d, &states[k]);
             if (covariances && later < covariance_count)
-                smooth_covariance(model, &f, step, after, covariances[later], covariances[k], work);
+                smooth_covariance(model, &f, step, *information, covariances[later], covariances[k], work);
         }
         later = step->status == RIBBON_MOTION_STARTED ? count : k;
     }
@@ -130,22 +134,22 @@ int ribbon_motion_from_level(const struct ribbon_motion_model *model,
     static const double mode_sigma[2][3] = {{0.01, 0.2, 2.0}, {3.0, 30.0, 300.0}};
     const double *root = root_sigma[!sample->level_still], *mode = mode_sigma[!sample->level_still];
     size_t nb = model->block, anchor = motion_anchor_index(model);
-    memset(step->covariance, 0, sizeof step->covariance);
+    memset(step->predicted_covariance, 0, sizeof step->predicted_covariance);
     for (size_t a = 0; a < 3; a++) {
         for (size_t i = 0; i < nb; i++) {
             double sigma = i < 3 ? root[a] : mode[a];
-            step->covariance[a * nb + i][a * nb + i] = sigma * sigma;
+            step->predicted_covariance[a * nb + i][a * nb + i] = sigma * sigma;
         }
         for (size_t b = 0; b < 3; b++)
             for (size_t d = 0; d < 3; d++)
-                step->covariance[anchor + 3 * a + d][anchor + 3 * b + d] =
+                step->predicted_covariance[anchor + 3 * a + d][anchor + 3 * b + d] =
                     scales->anchor * model->anchor_covariance[a][b];
     }
     double offset = model->params.accel_sigma_mps2;
     for (size_t i = 3 * nb; i < anchor; i++)
-        step->covariance[i][i] = scales->force_offset * offset * offset;
+        step->predicted_covariance[i][i] = scales->force_offset * offset * offset;
     struct motion_transition f = {.before = state, .after = state};
-    motion_both_sides(model, &f, false, step->covariance);
+    motion_both_sides(model, &f, false, step->predicted_covariance);
     return 0;
 }
 

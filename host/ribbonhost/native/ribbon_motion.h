@@ -127,9 +127,8 @@ struct ribbon_motion_step {
     struct ribbon_motion_state state;     /* estimate from all samples so far */
     struct ribbon_motion_state predicted; /* from the samples before */
     double covariance[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX]; /* of state */
-    double information[RIBBON_MOTION_MATRIX_MAX]
-                      [RIBBON_MOTION_MATRIX_MAX]; /* inverse covariance of predicted */
-    int32_t status;                               /* enum ribbon_motion_status */
+    double predicted_covariance[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX];
+    int32_t status; /* enum ribbon_motion_status */
 };
 
 /* Variances as they are found to be, in units of those that the parameters say. */
@@ -149,6 +148,7 @@ struct ribbon_motion_fit {
         field_residual; /* what the corrected state leaves unexplained, the same: their noise */
     /* Squared correction of the accelerations that each jerk drives, in units of the one expected. */
     double jerk_correction[RIBBON_MOTION_JERK_COUNT], anchor_correction;
+    double anchor_score; /* test for an acceleration of the anchor at this instant, a degree of freedom */
     double force_left[RIBBON_MOTION_NODE_MAX]
                      [3];          /* residuals of the accelerometers, frame of the anchor; NaN */
     size_t forces, force_outliers; /* accelerometers that were valid, and of them outliers */
@@ -185,21 +185,20 @@ int ribbon_motion_from_level(const struct ribbon_motion_model *model,
                              const struct ribbon_motion_scales *scales, struct ribbon_motion_step *step,
                              struct ribbon_motion_work *work);
 
-/* Uses the sample at which `step` stands: corrects step->predicted with it (which the caller, or
- * ribbon_motion_advance, has put there together with its covariance in step->covariance) and fills state,
- * covariance, information and *fit.
+/* Uses the sample at which `step` stands: corrects step->predicted with it, which the caller, or
+ * ribbon_motion_advance, has put there together with its covariance, and fills state, covariance and *fit.
  *  1. around: where to linearise; null: at the prediction, again at the result if that lies far.
  *  2. Sensors whose innovation exceeds what its covariance explains (squared norm over the gate, 30) get the
  *     weight that brings them back to it.
- *  3. Returns 0, or RIBBON_MOTION_ERROR_NOT_FINITE if the covariance has lost its sense: then the step holds
- *     the prediction alone. */
+ *  3. Returns 0, or RIBBON_MOTION_ERROR_NOT_FINITE if the covariance has lost its sense: then state and
+ *     covariance are those of the prediction. */
 int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                           const struct ribbon_motion_state *around, const struct ribbon_motion_scales *scales,
                           struct ribbon_motion_step *step, struct ribbon_motion_fit *fit,
                           struct ribbon_motion_work *work);
 
-/* Predicts from the state of `before` to the time of the sample: fills predicted and covariance of `step`,
- * which may be `before` itself. Returns 0, or RIBBON_MOTION_ERROR_TIME if the sample is not later. */
+/* Predicts from the state of `before` to the time of the sample: fills what is predicted of `step`, which may
+ * be `before` itself. Returns 0, or RIBBON_MOTION_ERROR_TIME if the sample is not later. */
 int ribbon_motion_advance(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                           const struct ribbon_motion_scales *scales, const struct ribbon_motion_step *before,
                           struct ribbon_motion_step *step);
