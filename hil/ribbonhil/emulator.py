@@ -132,7 +132,7 @@ class Line:
 
 
 class _World:
-    """The ribbons of one comb and the thread that runs them."""
+    """The ribbons of one comb and the thread that runs them, once they are powered up."""
 
     def __init__(self, spec: CombSpec) -> None:
         self.spec = spec
@@ -160,19 +160,29 @@ class _World:
         self.times_unplugged = [0] * len(self.ribbons)
         self._changed = threading.Condition()
         self._ending = False
-        self.start_s = time.monotonic()
+        self.start_s = np.inf
         self._thread = threading.Thread(target=self._run, name=f"emulated {spec.scene}", daemon=True)
-        self._thread.start()
+
+    def power_up(self) -> None:
+        """Lets true time begin, unless it has."""
+        with self._changed:
+            if not self._is_powered():
+                self.start_s = time.monotonic()
+                self._thread.start()
 
     def now_s(self) -> float:
-        """True time: seconds since the ribbons were powered up."""
-        return time.monotonic() - self.start_s
+        """True time: seconds since the ribbons were powered up, 0 before."""
+        return max(0.0, time.monotonic() - self.start_s)
 
     def end(self) -> None:
         with self._changed:
             self._ending = True
             self._changed.notify_all()
-        self._thread.join()
+        if self._is_powered():
+            self._thread.join()
+
+    def _is_powered(self) -> bool:
+        return self.start_s < np.inf
 
     def connect(self, index: int, faults: LinkFaults) -> Line:
         """Raises LinkError if the ribbon is open already or not there."""
@@ -279,10 +289,13 @@ def open_line(spec: CombSpec, index: int, faults: LinkFaults = NO_FAULTS) -> Lin
     """
     world = _acquire(spec)
     try:
-        return world.connect(index, faults)
+        line = world.connect(index, faults)
     except LinkError:
         _release(world)
         raise
+    # Only now: the first packets of a ribbon that starts with its line must find it open.
+    world.power_up()
+    return line
 
 
 class EmulatedComb:
@@ -332,6 +345,7 @@ class EmulatedComb:
             disturb=disturb,
         )
         self._world = _acquire(self.spec)
+        self._world.power_up()
         self._open = True
         self.urls = tuple(self.spec.url(index, faults) for index in range(ribbons + 1))
         self.serials = tuple(ribbon.device.serial for ribbon in self._world.ribbons)

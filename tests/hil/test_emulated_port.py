@@ -4,10 +4,12 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import serial
+from ribbonhil import emulator
 from ribbonhil.comb_spec import CombSpec, parse_url
 from ribbonhil.emulator import EmulatedComb
 from ribbonhil.faults import Fault, FaultKind, LinkFaults
@@ -47,6 +49,20 @@ def test_device_answers_commands_and_streams_in_real_time(port: serial.SerialBas
     assert len(info) >= 1
     assert 70 <= len(orient) <= 151  # 100 Hz, less the time that the sensors need to start
     assert np.diff([p.sequence for p in orient]).tolist() == [1] * (len(orient) - 1)
+
+
+def test_first_packet_of_a_ribbon_that_starts_with_its_port_is_not_lost(monkeypatch: pytest.MonkeyPatch):
+    """However late a busy machine gets to it: a ribbon says INFO 0.2 s after its start, and only once."""
+    connect = emulator._World.connect
+
+    def late(*arguments: Any) -> emulator.Line:
+        time.sleep(0.5)
+        return connect(*arguments)
+
+    monkeypatch.setattr(emulator._World, "connect", late)
+    with serial.serial_for_url(URL, timeout=5) as port:
+        seen = packets(port, 0.6)
+    assert isinstance(seen[0], Info)
 
 
 def test_reading_ends_at_the_size_or_at_the_timeout(port: serial.SerialBase):
