@@ -83,6 +83,7 @@ static void survey(struct sensor_string *string, uint32_t now_us) {
 
 static void configure(struct sensor_string *string, uint32_t rate_hz) {
     const uint32_t pairs = BRIDGE_TIME_S * rate_hz;
+    string->setup.scan_us = 1000000u / rate_hz;
     string->setup.bridge_pairs = pairs > BRIDGE_PAIRS_MIN ? (uint16_t)pairs : BRIDGE_PAIRS_MIN;
     for (size_t i = 0; i < PART_COUNT; i++)
         part_configure(PARTS[i], rate_hz, &string->setup.configs[i]);

@@ -14,6 +14,9 @@ static const uint32_t OUT_OF_RANGE_MAX_US = 60000000u;
 
 /* A new sample is overdue after so many sample periods of the part. */
 static const float STALE_PERIODS = 4.0f;
+/* One scan without a new sample is bridged all the same, unless the sample before is older than this by then.
+ */
+static const uint32_t BRIDGED_MAX_US = 50000u;
 
 /* Noise repeats a reading now and then; over this time, and so many samples, it does not. */
 static const uint32_t STUCK_US = 300000u;
@@ -154,9 +157,17 @@ size_t slot_begin(struct slot *slot, const struct slot_setup *setup, enum slot_p
     return 0u;
 }
 
+/* For how long the last sample serves. */
+static uint32_t patience_us(const struct part_config *config, const struct slot_setup *setup) {
+    const uint32_t of_part_us = (uint32_t)(STALE_PERIODS * 1e6f / config->sample_hz);
+    const uint32_t of_scan_us = setup->scan_us + setup->scan_us / 2u;
+    return of_scan_us > of_part_us && of_scan_us <= BRIDGED_MAX_US ? of_scan_us : of_part_us;
+}
+
 /* A sample that is not new: the last one serves for a while. */
-static void take_old(struct slot *slot, const struct part *part, const struct part_config *config,
+static void take_old(struct slot *slot, const struct part *part, const struct slot_setup *setup,
                      bool has_changed, uint32_t now_us) {
+    const struct part_config *const config = &setup->configs[slot->part_index];
     /* A measurement that was started, and ended after it was read, takes longer than configured. */
     slot->late_count = config->measurement_us > 0u && has_changed ? (uint8_t)(slot->late_count + 1u) : 0u;
     if (slot->late_count >= LATE_MAX && part->config_read_command == 0u) {
@@ -164,9 +175,9 @@ static void take_old(struct slot *slot, const struct part *part, const struct pa
         slot_lose(slot, false, now_us);
         return;
     }
-    const uint32_t patience_us = (uint32_t)(STALE_PERIODS * 1e6f / config->sample_hz);
-    slot->is_usable = slot->has_sample && now_us - slot->sample_us <= patience_us;
-    if (now_us - slot->sample_us > patience_us) {
+    const bool is_stale = now_us - slot->sample_us > patience_us(config, setup);
+    slot->is_usable = slot->has_sample && !is_stale;
+    if (is_stale) {
         if (slot->reason != WIRE_SLOT_REASON_STALE) {
             /* It may have lost its configuration: look at once. */
             slot->due_us = now_us;
@@ -226,7 +237,7 @@ static void end_sample(struct slot *slot, const struct part *part, const struct 
     if (sample.is_new)
         take_new(slot, part, setup, &sample, has_changed, now_us);
     else
-        take_old(slot, part, &setup->configs[slot->part_index], has_changed, now_us);
+        take_old(slot, part, setup, has_changed, now_us);
 }
 
 void slot_end(struct slot *slot, const struct slot_setup *setup, uint32_t now_us, const uint8_t *rx) {

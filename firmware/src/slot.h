@@ -38,6 +38,7 @@ enum slot_transaction {
 /* The same for all slots of a string. */
 struct slot_setup {
     struct part_config configs[PART_COUNT]; /* by index of the part */
+    uint32_t scan_us;                       /* from a scan to the next */
     uint16_t bridge_pairs;                  /* length of the mean that finds a bridge's offset */
 };
 
