@@ -85,8 +85,8 @@ def new_samples(bench: Bench) -> Iterator[Measurement]:
             if len(counts) < SCANS_MIN:
                 continue
             same = float(np.mean(np.all(np.diff(counts, axis=0) == 0, axis=1)))
-            part, lsb = int(bench.info.slots.part[slot]), readings.lsb[slot]
-            allowed = max(REPEATED, 3 * by_chance(data_sheet_noise(part, readings.rate_hz, lsb) / lsb))
+            part, lsb = int(bench.info.slots.part[slot]), float(readings.lsb[slot])
+            allowed = max(REPEATED, 3 * by_chance(data_sheet_noise(part, readings.rate_hz, lsb), lsb))
             if same / allowed > worst:
                 worst = same / allowed
                 excess = Measurement(
@@ -117,9 +117,10 @@ def no_readings(readings: Readings, first: int) -> Iterator[str]:
             yield f"slot {slot}"
 
 
-def by_chance(sigma_counts: float) -> float:
-    """How often three axes have the same counts twice, of independent normal noise so many counts wide."""
-    return float(min(1.0, 1.0 / (2.0 * np.sqrt(np.pi) * sigma_counts)) ** 3)
+def by_chance(sigma: float, lsb: float) -> float:
+    """How often all three axes have the same counts twice, of normal noise; NaN if that is not known."""
+    width = 2.0 * np.sqrt(np.pi) * sigma
+    return float(min(1.0, lsb / width) ** 3) if width > 0 else float("nan")
 
 
 def place(first: int, index: tuple[np.intp, ...]) -> str:
