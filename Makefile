@@ -11,7 +11,7 @@ C_SOURCES := $(shell git ls-files '*.c' '*.h')
 NATIVE_SOURCES := $(filter host/%,$(C_SOURCES))
 FIRMWARE_SOURCES := $(filter hil/% firmware/%,$(C_SOURCES))
 
-.PHONY: help setup stream firmware flash test soak pictures check bench format clean
+.PHONY: help setup stream firmware flash probe test soak pictures check bench format clean
 
 help:
 	@echo "make stream [SCENE=wing|sea|breath|file.py] [SECONDS=10]   emulated comb on a moving surface, live, in a page"
@@ -20,6 +20,7 @@ help:
 	@echo "make pictures  the pictures of README.md, taken of the page"
 	@echo "make firmware [BOARD=feather_f405]   the STM32F405 image, firmware/build/stm32f405/ribbon.bin"
 	@echo "make flash     the image into a board in DFU mode"
+	@echo "make probe     checks a new sensor string on a board that runs MicroPython [PORT=] [BOARD=] [SLOTS=] [WALK=1]"
 	@echo "make setup     .venv/bin/ribbonhost and .venv/bin/ribbonhil"
 	@echo "make check     lint, format, types, generated files, compiler warnings"
 	@echo "make bench     accuracy, speed and the latency of a stream, measured on this machine"
@@ -40,6 +41,10 @@ firmware: $(VENV)/.model
 flash: firmware
 	@.ci/system-packages dfu-util
 	@$(MAKE) --no-print-directory -C firmware flash
+
+probe: $(VENV)/.firmware $(VENV)/.probe
+	@$(BIN)/python -m ribbonhil.probe.run $(if $(PORT),--port '$(PORT)') $(if $(BOARD),--board '$(BOARD)') \
+	    $(if $(SLOTS),--slots '$(SLOTS)') $(if $(WALK),--walk)
 
 # ensurepip and Python.h are packages of their own on Debian and Ubuntu.
 $(BIN)/python:
@@ -65,7 +70,12 @@ $(VENV)/.firmware: $(VENV)/.installed $(FIRMWARE_SOURCES) hil/ribbonhil/firmware
 	@$(BIN)/python hil/ribbonhil/firmware_build.py
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.installed tests/requirements.txt tests/image/requirements-no-deps.txt firmware/packages.txt
+$(VENV)/.probe: $(VENV)/.installed hil/probe/requirements.txt
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -r hil/probe/requirements.txt
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.installed tests/requirements.txt tests/image/requirements-no-deps.txt hil/probe/requirements.txt \
+    firmware/packages.txt
 	@.ci/system-packages $$(cat firmware/packages.txt)
 	@{ command -v chromium || command -v google-chrome; } >/dev/null || .ci/system-packages chromium
 	@echo "Installing what the tests need into $(VENV)"
