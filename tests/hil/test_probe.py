@@ -135,6 +135,11 @@ def test_shorted_selects_are_told_whatever_the_parts_are(i: int, j: int):
     ] == [True]
 
 
+def test_string_of_one_node_whose_selects_are_shorted_is_told():
+    outcome = probe(Fault(FaultKind.SHORTED, 0, parameter=1), parts=PARTS[:2])
+    assert wrong(outcome) == {0: "shorted to 1", 1: "shorted to 0"}
+
+
 @pytest.mark.parametrize("parts", [(LIS2DW12, HMC5983) * 4, (LIS2DW12, MMC5983MA) * 4])
 def test_shorted_magnetometers_of_either_make_are_told(parts: tuple[int, ...]):
     outcome = probe(Fault(FaultKind.SHORTED, 7, parameter=1), parts=parts)

@@ -211,6 +211,18 @@ def test_bytecode_is_of_the_version_that_this_micropython_runs():
         assert (magic, of_file, flags >> 2) == (ord("M"), int(version), 0)
 
 
+def test_module_that_is_no_more_is_not_sent(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(building, "PROBE", tmp_path)
+    compiled = tmp_path / "build" / "pyboard_v11"
+    compiled.mkdir(parents=True)
+    (compiled / "gone.mpy").write_bytes(b"M")
+    sources = {source.stem for source in building.SOURCES.glob("*.py")}
+    assert building.build.__wrapped__("pyboard_v11") == compiled
+    assert {path.name for path in compiled.parent.rglob("*") if path.is_file()} == {
+        f"{name}.mpy" for name in {*sources, "hardware"}
+    }
+
+
 def test_probe_says_nothing_of_a_part_or_pin_that_the_firmware_says():
     """Register addresses, identities and pins come from its headers."""
     names = {f"{part}_" for part in ("LIS2DW12", "MMC5983MA", "HMC5983")}

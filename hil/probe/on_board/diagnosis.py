@@ -1,7 +1,8 @@
 """What is wrong with a string: from what was measured to a verdict a slot and sentences."""
 
-import measure
+import identity
 import parts
+import readings
 import sentences as say
 
 NOISE_MAX = 2.0  # times what the data sheet has; the noise of 64 readings is known to 9 %
@@ -9,7 +10,7 @@ SUPPLY_V = (3.1, 3.5)
 RIPPLE_MAX_V = 0.02
 REST_MIN = 2  # so many silent slots at the end are a broken chain rather than missing parts
 SHIFT_MIN = 3  # so many slots of the wrong kind at the end are a chain that is shifted
-GAPS_MIN = measure.SCANS // 16
+GAPS_MIN = readings.SCANS // 16
 
 
 class Findings:
@@ -17,7 +18,7 @@ class Findings:
 
     miso: levels with pull-up and pull-down. is_idle_silent: no part answers while none is selected;
     always_selected: the slots of those that do, as far as known. parts: the part or None; answers: FOUND to
-    CHANGING of measure. beyond: a part answers behind the last slot. second: the second part that answers.
+    CHANGING of identity. beyond: a part answers behind the last slot. second: the second part that answers.
     keeps: settings read back. statistics: of the readings, or None. alike: pairs of slots that read the same.
     supply: (mean V, ripple V) at rest and the same while scanned, or None.
     """
@@ -28,7 +29,7 @@ class Findings:
         self.is_idle_silent = True
         self.always_selected = []
         self.parts = [None] * slots
-        self.answers = [measure.SILENT] * slots
+        self.answers = [identity.SILENT] * slots
         self.beyond = False
         self.second = [None] * slots
         self.keeps = [True] * slots
@@ -75,7 +76,7 @@ def _bus_is_held(findings, diagnosis):
     up, down = findings.miso
     if not up and not down:
         diagnosis.fault(say.MISO_LOW, "MISO low", everything)
-    elif not findings.is_idle_silent or any(answer != measure.SILENT for answer in findings.answers):
+    elif not findings.is_idle_silent or any(answer != identity.SILENT for answer in findings.answers):
         return False
     elif up and down:
         diagnosis.fault(say.MISO_HIGH, "MISO high", everything)
@@ -136,7 +137,7 @@ def _wrong_kind(findings, diagnosis):
 
 def _broken_chain(findings, diagnosis):
     first = findings.slots
-    while findings.answers[first - 1] == measure.SILENT:
+    while findings.answers[first - 1] == identity.SILENT:
         first -= 1
     if findings.slots - first >= REST_MIN:
         rest = range(first, findings.slots)
@@ -175,11 +176,11 @@ def _is_stuck(findings, slot):
 
 # The first that holds of a slot is its verdict.
 _SLOT_FAULTS = (
-    ("silent", _answers(measure.SILENT), say.SILENT),
-    ("MISO low", _answers(measure.LOW), say.LOW),
-    ("unknown id", _answers(measure.UNKNOWN), say.UNKNOWN_ID),
-    ("garbage", _answers(measure.CHANGING), say.GARBAGE),
-    ("bad contact", _answers(measure.CONTACT), say.CONTACT),
+    ("silent", _answers(identity.SILENT), say.SILENT),
+    ("MISO low", _answers(identity.LOW), say.LOW),
+    ("unknown id", _answers(identity.UNKNOWN), say.UNKNOWN_ID),
+    ("garbage", _answers(identity.CHANGING), say.GARBAGE),
+    ("bad contact", _answers(identity.CONTACT), say.CONTACT),
     ("bad contact", _has_gaps, say.CONTACT),
     ("loses settings", _loses_settings, say.LOSES_SETTINGS),
     ("no readings", _is_stale, say.NO_READINGS),
@@ -192,7 +193,7 @@ def _noise(findings, diagnosis, kind):
     for slot, part in enumerate(findings.parts):
         if part and part.kind == kind and diagnosis.verdicts[slot] == "ok":
             measured.append(slot)
-            if max(findings.statistics[slot].sigma) > NOISE_MAX * measure.expected_sigma(part):
+            if max(findings.statistics[slot].sigma) > NOISE_MAX * readings.expected_sigma(part):
                 noisy.append(slot)
     if len(noisy) > 1 and len(noisy) > len(measured) // 2:
         sentence = say.ALL_NOISY.format(parts.KINDS[kind], NOISE_MAX, say.WHY_ALL_NOISY[kind])

@@ -6,13 +6,14 @@ where the parts are: each feels the magnet, or is tilted as the ribbon is lifted
 
 import time
 
-import measure
+import identity
 import parts
+import readings
 import sentences as say
 
 UNTIL_REST_US = 5_000_000
 REST_SCANS = 40
-SCANS_MAX = 60_000_000 // measure.PERIOD_US
+SCANS_MAX = 60_000_000 // readings.PERIOD_US
 QUIET_SCANS = 120  # without any change, once something was felt: the magnet is off the ribbon
 FELT = (1.0, 20.0)  # m/s^2 and uT from rest: 6 degrees, and a magnet nearer than a pitch
 
@@ -29,14 +30,14 @@ class Passage:
 
     def rest(self, burst):
         """A burst read before the magnet moves."""
-        if not measure.is_all(burst, 0xFF):
+        if not identity.is_all(burst, 0xFF):
             counts, _ = parts.decode(self.part, burst)
             self._rest = [rest + count for rest, count in zip(self._rest, counts)]
             self._resting += 1
 
     def feel(self, scan, burst):
         """A burst read while the magnet moves; whether it is felt."""
-        if measure.is_all(burst, 0xFF) or not self._resting:
+        if identity.is_all(burst, 0xFF) or not self._resting:
             return False
         counts, _ = parts.decode(self.part, burst)
         squares = sum((count - rest / self._resting) ** 2 for count, rest in zip(counts, self._rest))
@@ -57,7 +58,7 @@ def follow(string, found, tell):
     passages = [Passage(part) if part else None for part in found]
     tell(say.LAY_DOWN)
     time.sleep_us(UNTIL_REST_US)
-    scanner = measure.Scanner(string, found)
+    scanner = readings.Scanner(string, found)
     for _ in range(REST_SCANS):
         for passage, burst in zip(passages, scanner.scan()):
             if passage:

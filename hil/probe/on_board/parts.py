@@ -2,7 +2,6 @@
 
 import hardware as hw
 
-LIS2DW12, MMC5983MA, HMC5983 = hw.PARTS
 UNITS = ("mm/s2", "uT")
 UNIT_SCALE = (1000.0, 1.0)  # from m/s^2 and uT
 KINDS = ("accelerometer", "magnetometer")

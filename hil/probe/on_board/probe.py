@@ -5,8 +5,9 @@ result.
 """
 
 import hardware
-import measure
+import identity
 import order
+import readings
 import report
 import sentences as say
 from diagnosis import Findings, diagnose
@@ -36,24 +37,24 @@ def _probe(string, walk):
         supply.rest()
         at_rest = supply.take()
     findings.miso = string.miso_levels()
-    findings.is_idle_silent = measure.is_all(measure.idle_signature(string), 0xFF)
+    findings.is_idle_silent = identity.is_silent(string)
     if not findings.is_idle_silent:
-        findings.always_selected = measure.always_selected(string)
-    places = measure.identities(string)
+        findings.always_selected = identity.always_selected(string)
+    places = identity.signatures_of(string)
     found = _judge(places, findings)
     if findings.beyond:  # a walk over fewer slots than there are leaves one selected
         found = [None] * string.slots
-    if any(found) and findings.is_idle_silent:
+    if any(findings.miso) and findings.is_idle_silent and not findings.beyond:
         for slot, answer in enumerate(findings.answers):
-            if answer in (measure.LOW, measure.UNKNOWN):
-                findings.second[slot] = measure.second_part(string, slot)
-    findings.keeps = measure.bring_up(string, found)
-    readings = measure.measure(string, found)
-    findings.statistics = [measure.Statistics(slot) if slot else None for slot in readings]
-    findings.alike = measure.alike(readings)
+            if answer in (identity.LOW, identity.UNKNOWN):
+                findings.second[slot] = identity.second_part(string, slot)
+    findings.keeps = readings.bring_up(string, found)
+    measured = readings.measure(string, found)
+    findings.statistics = [readings.Statistics(slot) if slot else None for slot in measured]
+    findings.alike = readings.alike(measured)
     if supply:
         while not supply.is_full():
-            measure.work_hard(string, found, supply.sample)
+            readings.work_hard(string, found, supply.sample)
         findings.supply = (at_rest, supply.take())
     diagnosis = diagnose(findings)
     report.table(findings, places, diagnosis)
@@ -69,8 +70,8 @@ def _probe(string, walk):
 
 def _judge(places, findings):
     """Fills in what the places along the chain answered; returns the part of each slot, or None."""
-    judged = [measure.judge(place) for place in places]
-    findings.beyond = judged.pop()[1] == measure.FOUND
+    judged = [identity.judge(place) for place in places]
+    findings.beyond = judged.pop()[1] == identity.FOUND
     findings.parts = [part for part, _ in judged]
     findings.answers = [answer for _, answer in judged]
     return findings.parts

@@ -1,7 +1,8 @@
 """The probe's table and sentences, as text."""
 
-import measure
+import identity
 import parts
+import readings
 import sentences as say
 
 HEAD = "slot  part       id            noise x       y       z   data sheet  verdict"
@@ -13,7 +14,7 @@ def table(findings, places, diagnosis):
     print(HEAD)
     for slot, (part, verdict) in enumerate(zip(findings.parts, diagnosis.verdicts)):
         name = part.name if part else "-"
-        answers = [part.identity] if part else measure.answers_of(places[slot][-1])
+        answers = [part.identity] if part else identity.answers_of(places[slot][-1])
         shown = " ".join([answer.hex() for answer in answers])
         print(f"{slot:4d}  {name:9s}  {shown:12s}  {_noise(findings.statistics[slot], part)}  {verdict}")
 
@@ -22,7 +23,7 @@ def _noise(statistics, part):
     if not statistics or not statistics.sigma:
         return NO_NOISE
     form = "{:.1f}" if part.kind == 0 else "{:.3f}"
-    x, y, z, expected = [form.format(v) for v in statistics.sigma + [measure.expected_sigma(part)]]
+    x, y, z, expected = [form.format(v) for v in statistics.sigma + [readings.expected_sigma(part)]]
     return f"{x:>7s} {y:>7s} {z:>7s} {expected:>6s} {parts.UNITS[part.kind]:5s}"
 
 

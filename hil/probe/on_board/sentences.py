@@ -59,8 +59,8 @@ NOISY = (
 )
 ALL_NOISY = "Most {}s had more than {:.0f} times the noise of the data sheet, so it is not the parts: {}."
 WHY_ALL_NOISY = (
-    "the string was not at rest, or its supply is not clean",
-    "a motor, a transformer or a mains cable is near, or the supply is not clean",
+    "the string was not at rest (lay it down and probe again), or its supply is not clean",
+    "a motor, a transformer or a mains cable is near (move away and probe again), or the supply is not clean",
 )
 SUPPLY = (
     "The supply is {:.2f} V, not {} to {} V: take the string off and probe again; if it is right then, "

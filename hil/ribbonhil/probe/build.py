@@ -114,6 +114,7 @@ def build(board: str) -> Path:
         raise UsageError(f"There is no board {board}: there are {known}")
     compiled = PROBE / "build" / board
     compiled.mkdir(parents=True, exist_ok=True)
+    built = set()
     with tempfile.TemporaryDirectory(dir=compiled.parent) as folder:
         generated = Path(folder) / "hardware.py"
         generated.write_text(hardware(board), encoding="utf-8")
@@ -123,5 +124,7 @@ def build(board: str) -> Path:
             done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode != 0:
                 raise RibbonError(f"mpy-cross refuses {source.name}: {(done.stderr or done.stdout).strip()}")
-            target.replace(compiled / target.name)
+            built.add(target.replace(compiled / target.name))
+    for left_over in set(compiled.glob("*.mpy")) - built:
+        left_over.unlink(missing_ok=True)
     return compiled

@@ -71,6 +71,16 @@ class EmulatedPins:
         self._t_ns = POWER_UP_NS
         self._levels: dict[str, bool] = {}
         self._pulled_up: dict[str, bool] = {}
+        self._verbs: dict[str, Callable[..., str | None]] = {
+            "mode": self._mode,
+            "drive": self._drive,
+            "level": self._level,
+            "spi": self._spi,
+            "adc": self._adc,
+            "memory": self._memory,
+            "time": self._time,
+            "sleep": self._sleep,
+        }
 
     @property
     def selected(self) -> int:
@@ -80,17 +90,7 @@ class EmulatedPins:
     def answer(self, line: str) -> str | None:
         """Does what a line says. Raises RibbonError for what the pins of this board cannot do."""
         verb, *words = line.split()
-        handlers: dict[str, Callable[..., str | None]] = {
-            "mode": self._mode,
-            "drive": self._drive,
-            "level": self._level,
-            "spi": self._spi,
-            "adc": self._adc,
-            "memory": self._memory,
-            "time": lambda: str(self._t_ns // 1000),
-            "sleep": self._sleep,
-        }
-        return handlers[verb](*words)
+        return self._verbs[verb](*words)
 
     def _mode(self, pin: str, mode: str, pull: str) -> None:
         self._pulled_up[pin] = pull == "up"
@@ -132,6 +132,9 @@ class EmulatedPins:
     def _memory(self, address: str) -> str:
         known = int(address) == FACTORY_ADDRESS
         return str(round(ADC_FULL_SCALE * REFERENCE_V / FACTORY_V) if known else 0)
+
+    def _time(self) -> str:
+        return str(self._t_ns // 1000)
 
     def _sleep(self, us: str) -> None:
         self._t_ns += int(us) * 1000

@@ -1,130 +1,18 @@
-"""What the parts of a string answer: identities, what they keep of their settings, readings."""
+"""Readings of all parts over and over: their noise, and which of them are the same."""
 
 import math
 import time
 
 import hardware as hw
 import parts
+from identity import is_all
 
-ROUNDS = 8
-BETWEEN_ROUNDS_US = 10_000  # so that a bad contact is seen both ways
 SCANS = 64
-PERIOD_US = 25_000
-SCALE_SIGMA = 12  # the variance of rounding is a twelfth
-
-REGISTERS_MAX = 128  # of a part
-
-FOUND, SILENT, LOW, UNKNOWN, CONTACT, CHANGING = range(6)
-
-
-def identities(string):
-    """The signatures of each slot in ROUNDS rounds, and of one place behind the last slot.
-
-    A signature is what a place answers to the identity commands of all parts, one after the other.
-    """
-    places = [[] for _ in range(string.slots + 1)]
-    for _ in range(ROUNDS):
-        signatures = [b""] * len(places)
-        for part in hw.PARTS:
-            answers = string.walk([identify(part)] * len(places))
-            string.release()
-            signatures = [signature + answer for signature, answer in zip(signatures, answers)]
-        for place, signature in zip(places, signatures):
-            place.append(signature)
-        time.sleep_us(BETWEEN_ROUNDS_US)
-    return places
-
-
-def idle_signature(string):
-    """The signature of no slot at all, that is all 0xFF if every select is as it should be."""
-    return b"".join([string.exchange(identify(part)) for part in hw.PARTS])
-
-
-def always_selected(string):
-    """The slots that sound, at length, as if none were selected: they are selected all the time.
-
-    Such a part never sees a transaction end, and answers from wherever it has got to; where another part is
-    selected too, the lower bits of both remain. Empty if that leaves nothing to compare.
-    """
-    at_length = bytes([hw.PARTS[0].identity_command]) + bytes(2 * REGISTERS_MAX)
-    idle = _loudness(string.exchange(at_length))
-    if idle == 0:
-        return []
-    return [
-        slot
-        for slot in range(string.slots)
-        if _loudness(string.walk(_only(string, slot, at_length))[slot]) >= idle
-    ]
-
-
-def _loudness(answer):
-    return sum(byte != 0 for byte in answer)
-
-
-def identify(part):
-    """The transaction that reads a part's identity."""
-    return bytes([part.identity_command]) + bytes(len(part.identity))
-
-
-def answers_of(signature):
-    """What a signature has for each part in the order of hw.PARTS."""
-    answers = []
-    for part in hw.PARTS:
-        answers.append(signature[: len(part.identity)])
-        signature = signature[len(part.identity) :]
-    return answers
-
-
-def part_of(signature):
-    """The part that has this signature, or None."""
-    for part, answer in zip(hw.PARTS, answers_of(signature)):
-        if answer == part.identity:
-            return part
-    return None
-
-
-def is_all(answer, value):
-    return all(byte == value for byte in answer)
-
-
-def judge(signatures):
-    """The part in a place, or None, and how the place answered: FOUND to CHANGING."""
-    found = [part_of(signature) for signature in signatures]
-    silent = [is_all(signature, 0xFF) for signature in signatures]
-    if all(silent):
-        return None, SILENT
-    if all(signature == signatures[0] for signature in signatures):
-        if found[0]:
-            return found[0], FOUND
-        return None, LOW if is_all(signatures[0], 0) else UNKNOWN
-    part = next((part for part in found if part), None)
-    return part, CONTACT if part and not _changes(signatures) else CHANGING
-
-
-def _changes(signatures):
-    """Whether an answer is not always the same, silence aside: a bad contact silences, noise changes bits."""
-    for answers in zip(*[answers_of(signature) for signature in signatures]):
-        if len({answer for answer in answers if not is_all(answer, 0xFF)}) > 1:
-            return True
-    return False
-
-
-def second_part(string, slot):
-    """The magnetometer that answers in a slot once an accelerometer there is told to be silent, or None.
-
-    Two parts of different kinds that answer at once can be told from a part that holds MISO low only so: the
-    accelerometer is made to answer on its data input, and after that as before.
-    """
-    silence = bytes([hw.LIS2DW12_CTRL2, hw.LIS2DW12_CTRL2_RESET | hw.LIS2DW12_CTRL2_SIM])
-    as_before = bytes([hw.LIS2DW12_CTRL2, hw.LIS2DW12_CTRL2_RESET])
-    string.walk(_only(string, slot, silence))
-    signature = b"".join([string.walk(_only(string, slot, identify(part)))[slot] for part in hw.PARTS])
-    string.walk(_only(string, slot, as_before))
-    return part_of(signature)
-
-
-def _only(string, slot, command):
-    return [command if place == slot else None for place in range(string.slots)]
+NEW_MIN = SCANS // 2
+LIVELY_MIN = SCANS // 4
+ALIKE_MIN = SCANS // 8
+SAMPLES = 1.25  # of a part in a period, so that each scan finds a new one whatever its oscillator
+PERIOD_US = max(int(1e6 * SAMPLES / part.sample_hz) for part in hw.PARTS if not part.measurement_us)
 
 
 def bring_up(string, found):
@@ -187,7 +75,7 @@ def burst(part):
 
 
 class Readings:
-    """What one place gave in all scans."""
+    """What one slot gave in all scans."""
 
     def __init__(self, part):
         self.part = part
@@ -211,16 +99,16 @@ class Readings:
 
     def is_lively(self):
         """Whether the counts change at all."""
-        return len({bytes(self._data(scan)) for scan in range(self.count)}) > SCANS // 4
+        return len({bytes(self._data(scan)) for scan in range(self.count)}) >= LIVELY_MIN
 
     def is_like(self, other):
-        """Whether another place gave the same counts in more than a quarter of the scans.
+        """Whether another slot gave the same counts more often than by chance (1 in 100 scans at most).
 
-        Not in all: a part may take a new sample between the two.
+        Not always: a part may take a new sample between the two.
         """
         if other.part is not self.part:
             return False
-        return sum(self._data(scan) == other._data(scan) for scan in range(self.count)) > SCANS // 4
+        return sum(self._data(scan) == other._data(scan) for scan in range(self.count)) >= ALIKE_MIN
 
     def is_silent(self, scan):
         n = self.part.burst_count
@@ -232,8 +120,6 @@ class Statistics:
 
     sigma: of x, y and z in parts.UNITS, counted over the new readings; None if there are too few.
     """
-
-    NEW_MIN = SCANS // 2
 
     def __init__(self, readings):
         self.new = self.silent = 0
@@ -253,7 +139,7 @@ class Statistics:
                     difference = counts[axis] - first[axis]
                     sums[axis] += difference
                     squares[axis] += difference * difference
-        if self.new >= self.NEW_MIN:
+        if self.new >= NEW_MIN:
             n = self.new
             unit = part.lsb * parts.UNIT_SCALE[part.kind]
             variances = [(n * square - sum_ * sum_) / (n * (n - 1)) for sum_, square in zip(sums, squares)]
@@ -262,9 +148,7 @@ class Statistics:
 
 def expected_sigma(part):
     """Standard deviation of a reading as the data sheet has it, with rounding to counts, in parts.UNITS."""
-    return parts.UNIT_SCALE[part.kind] * math.sqrt(
-        part.noise * part.noise + part.lsb * part.lsb / SCALE_SIGMA
-    )
+    return parts.UNIT_SCALE[part.kind] * math.sqrt(part.noise * part.noise + part.lsb * part.lsb / 12)
 
 
 def measure(string, found):
@@ -272,9 +156,9 @@ def measure(string, found):
     scanner = Scanner(string, found)
     readings = [Readings(part) if part else None for part in found]
     for _ in range(SCANS):
-        for place, answer in zip(readings, scanner.scan()):
-            if place:
-                place.add(answer)
+        for slot, answer in zip(readings, scanner.scan()):
+            if slot:
+                slot.add(answer)
     return readings
 
 
