@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 import typer
 from hil.virtual_link import ALL, VirtualLink, run_checks
-from image.programs import built
 from ribbonhil.check.command import check
 from ribbonhil.check.report import as_markdown
 from ribbonhil.check.runner import Outcome
@@ -297,9 +296,9 @@ def test_list_is_what_the_documentation_has() -> None:
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[str, str]]:
-    """URL of a ribbon that runs the image, and where its faults are taken, of a running `ribbonhil serve`."""
-    program = [sys.executable, "-m", "ribbonhil", "serve", "rest", "--ribbons", "2", "--image", str(built())]
-    program += ["--tcp", "--port", "0", "--faults", "0", "--comb", str(tmp_path / "comb.toml")]
+    """URL of a ribbon, and where its faults are taken, of a running `ribbonhil serve`."""
+    program = [sys.executable, "-m", "ribbonhil", "serve", "rest", "--ribbons", "2", "--tcp", "--port", "0"]
+    program += ["--faults", "0", "--comb", str(tmp_path / "comb.toml")]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
         try:
             assert process.stdout is not None
@@ -317,6 +316,6 @@ def test_served_ribbon_reacts_to_faults(served: tuple[str, str]) -> None:
     result = subprocess.run(program, capture_output=True, text=True, check=False, timeout=120)
     report = json.loads(result.stdout)
     print(result.stdout)
-    assert report["ran_on"]["kind"] == "emulated image"
+    assert report["ran_on"]["kind"] == "emulated module"
     assert {one["name"]: one["outcome"] for one in report["checks"]}["faults_are_noticed"] == "passed"
     assert result.returncode == 0

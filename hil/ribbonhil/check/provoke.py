@@ -14,8 +14,8 @@ from ribbonhil.comb_spec import parse_url
 from ribbonhil.emulator import EmulatedComb
 from ribbonhil.faults import BUS, Fault, FaultKind
 
-HOLD_S = 0.8
-"""How long an injected fault lasts: longer than it may take until it is noticed."""
+HOLD_S = 1.5
+"""How long an injected fault lasts: longer than it may take to be noticed and asked about."""
 
 
 @dataclass(frozen=True)
