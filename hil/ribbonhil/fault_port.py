@@ -19,6 +19,7 @@ from ribbonhost.errors import LinkError, UsageError
 from ribbonhost.wire import SLOT_MAX
 
 from ribbonhil.faults import BUS, FaultKind
+from ribbonhil.serve import listen
 
 REQUEST_BYTES = 1000
 SECONDS_MAX = 60.0
@@ -36,12 +37,7 @@ class FaultPort:
 
         Port 0 takes any free one. Raises UsageError if the port cannot be had.
         """
-        try:
-            self._listener = socket.create_server((address, port))
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise UsageError(f"port {port} of {address} cannot be had: {reason}") from error
-        self._listener.setblocking(False)
+        self._listener = listen(address, port)
         self.address = f"{address}:{self._listener.getsockname()[1]}"
         self._make = make
         self._clients: dict[socket.socket, bytearray] = {}

@@ -36,8 +36,8 @@ def kind_of(info: Info) -> Kind:
         return Kind.MODULE
     if unique_id.endswith(UNIQUE_ID_MARK):
         return Kind.IMAGE
-    is_stm32 = info.board in (Board.PYBOARD_V11, Board.FEATHER_F405)
-    if is_stm32 and LOT_CHARACTERS.issuperset(unique_id[LOT_NUMBER]):
+    # Every board but the host has an STM32F405.
+    if info.board in set(Board) and LOT_CHARACTERS.issuperset(unique_id[LOT_NUMBER]):
         return Kind.HARDWARE
     return Kind.UNKNOWN
 

@@ -68,17 +68,23 @@ class _Backlog:
         self._bytes.clear()
 
 
+def listen(address: str, port: int) -> socket.socket:
+    """A listening TCP socket that does not block. Raises UsageError if the port cannot be had."""
+    try:
+        listener = socket.create_server((address, port))
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UsageError(f"port {port} of {address} cannot be had: {reason}") from error
+    listener.setblocking(False)
+    return listener
+
+
 class TcpEndpoint:
     """A listening TCP port that takes one client at a time."""
 
     def __init__(self, address: str, port: int, on_bytes: Callable[[bytes], None]) -> None:
         """Port 0 takes any free one. Raises UsageError if the port cannot be had."""
-        try:
-            self._listener = socket.create_server((address, port))
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise UsageError(f"port {port} of {address} cannot be had: {reason}") from error
-        self._listener.setblocking(False)
+        self._listener = listen(address, port)
         self.url = f"socket://{address}:{self._listener.getsockname()[1]}"
         self._on_bytes = on_bytes
         self._client: socket.socket | None = None
