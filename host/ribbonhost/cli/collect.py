@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ribbonhost.errors import RecordingError, UsageError
 from ribbonhost.export.animation import Animation, NodeMotion, surface_grid
 from ribbonhost.motion.model import radius_95_m
-from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.poses import MotionMode
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
 from ribbonhost.reconstruct.comb import Method

@@ -14,8 +14,8 @@ from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
 from ribbonhost.errors import UsageError
 from ribbonhost.out import Facts
-from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.poses import MODES, MotionMode, is_mode
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import OnSolved, Solved
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method

@@ -1,7 +1,9 @@
 """Motion while it happens: causal, or with a lag of up to 0.2 s that makes it smoother."""
 
+from collections.abc import Sequence
+
 from ribbonhost.motion.model import Motion, MotionParams, Samples, join
-from ribbonhost.motion.tracker import Tracker
+from ribbonhost.motion.tracker import Run, Tracker, follow_each
 
 LAG_MAX_S = 0.2
 BATCH = 64
@@ -49,3 +51,12 @@ class LiveMotion:
                 due.append(tracker.smoothed_mean(0) if self._lag else tracker.filtered(0, ready))
                 tracker.forget(ready)
         return join(due) if due else None
+
+
+def update_each(ribbons: Sequence[LiveMotion], samples: Samples, run: Run = map) -> Motion:
+    """Takes the next sample of each of several ribbons of as many nodes, estimated without lag.
+
+    Row i of the samples and of the motion is of ribbons[i]. run: does the work, `map` or that of a pool of
+    threads. Raises ValueError for arrays that cannot be, and if a ribbon's times do not increase.
+    """
+    return follow_each([ribbon._tracker for ribbon in ribbons], samples, run)

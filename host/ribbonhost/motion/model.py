@@ -3,6 +3,7 @@
 import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -200,13 +201,17 @@ def motion_of(nodes: Any, count: int, status: NDArray[np.int32], t_s: Float64, n
     table = np.frombuffer(ffi.buffer(nodes), _dtype("struct ribbon_motion_nodes"), count)
     values = {name: table[field][:, :node_count].copy() for field, name in NODE_FIELDS.items()}
     values["anchor_acceleration_mps2"] = table["anchor_acceleration_mps2"].copy()
-    for value in values.values():
-        value[status == Status.WAITING] = np.nan
+    waiting = status == Status.WAITING
+    if waiting.any():
+        for value in values.values():
+            value[waiting] = np.nan
     return Motion(t_s=t_s.copy(), status=status.copy(), **values)
 
 
 def join(parts: list[Motion]) -> Motion:
     """One motion after the other. `parts` must not be empty."""
+    if len(parts) == 1:
+        return parts[0]
     return Motion(
         **{
             f.name: np.concatenate([getattr(part, f.name) for part in parts])
@@ -215,6 +220,7 @@ def join(parts: list[Motion]) -> Motion:
     )
 
 
+@cache
 def _dtype(structure: str) -> np.dtype[Any]:
     """The NumPy view of a C structure of doubles and bytes."""
     kinds = {"double": np.float64, "uint8_t": np.uint8}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -70,6 +71,14 @@ class Sampler:
         self._matrix = matrix * lsb[:, None, None]
         self._zero = np.einsum("kij,kj->ki", matrix, offset)
 
+    @classmethod
+    def of_each(cls, samplers: "Sequence[Sampler]") -> Self:
+        """A sampler of scans of which each is of another ribbon, in the order of theirs."""
+        each = cls.__new__(cls)
+        each._matrix = np.stack([sampler._matrix for sampler in samplers])
+        each._zero = np.stack([sampler._zero for sampler in samplers])
+        return each
+
     def samples(
         self, scans: Sequence[tuple[wire.Raw, wire.NodeArray | wire.NodeCompactArray]], t_s: Float64
     ) -> Samples:
@@ -94,8 +103,8 @@ class Sampler:
 
     def _calibrated(self, counts: Float64, first: int) -> Float64:
         """(T, n, 3) of the slots first, first + 2 ..."""
-        turned = np.matmul(self._matrix[first::2], counts[..., None])[..., 0]
-        return np.asarray(turned - self._zero[first::2])
+        turned = np.matmul(self._matrix[..., first::2, :, :], counts[..., None])[..., 0]
+        return np.asarray(turned - self._zero[..., first::2, :])
 
 
 def samples_of(

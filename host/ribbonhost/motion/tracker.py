@@ -1,5 +1,6 @@
 """The C tracker of one ribbon with its memory."""
 
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,9 @@ from ribbonhost.native._native import ffi, lib
 
 COVARIANCE_AHEAD = 40
 """Samples that a smoothed covariance looks ahead: after so many it hardly changes."""
+
+Run = Callable[[Callable[[int], None], Iterable[int]], Iterable[None]]
+"""Calls a function with each of some numbers: `map`, or that of a pool of threads."""
 
 _new_uncleared = ffi.new_allocator(should_clear_after_alloc=False)
 
@@ -24,7 +28,7 @@ class Tracker:
         self.params = params
         self.capacity = capacity
         self.count = 0
-        self._last: tuple[Float64, Float64] | None = None
+        self._last: tuple[Float64, float] | None = None
         self._tracker = ffi.new("struct ribbon_motion_tracker *")
         error = lib.ribbon_motion_tracker_init(self._tracker, params.to_c())
         if error == lib.RIBBON_MOTION_ERROR_COUNT:
@@ -71,23 +75,25 @@ class Tracker:
         """Takes further samples, later and later; there must be room for them."""
         if self.count + len(samples) > self.capacity:
             raise ValueError(f"{len(samples)} samples are more than there is room for")
-        c_samples = samples.to_c(self.params.node_count, self._force_change(samples))
-        error = lib.ribbon_motion_run(
-            self._tracker, len(samples), c_samples, self._steps + self.count, self._work
+        if len(samples) == 0:
+            return
+        force_mps2, t_s = self._before(samples, 0)
+        change = _force_change_mps3(
+            samples,
+            np.concatenate([force_mps2[None], samples.force_mps2[:-1]]),
+            np.concatenate([[t_s], samples.t_s[:-1]]),
         )
-        if error < 0:
-            raise ValueError("samples must have increasing times")
-        self.count += len(samples)
+        self._run(samples.to_c(self.params.node_count, change), len(samples))
+        self._last = samples.force_mps2[-1], float(samples.t_s[-1])
 
-    def _force_change(self, samples: Samples) -> Float64:
-        """(T, n) magnitude of the specific force's rate of change, from the sample before."""
-        force, t_s = samples.force_mps2, samples.t_s
-        before = self._last or (force[:1], t_s[:1] - 1.0)
-        force, t_s = np.concatenate([before[0], force]), np.concatenate([before[1], t_s])
-        if len(samples):
-            self._last = force[-1:], t_s[-1:]
-        with np.errstate(all="ignore"):  # values of sensors that are not valid may be anything
-            return np.asarray(np.linalg.norm(np.diff(force, axis=0), axis=-1) / np.diff(t_s)[:, None])
+    def _before(self, samples: Samples, row: int) -> tuple[Float64, float]:
+        """(n, 3) specific force of the sample before the next, which is in a row; its time."""
+        return self._last or (samples.force_mps2[row], float(samples.t_s[row]) - 1.0)
+
+    def _run(self, c_samples: Any, count: int) -> None:
+        if lib.ribbon_motion_run(self._tracker, count, c_samples, self._steps + self.count, self._work) < 0:
+            raise ValueError("samples must have increasing times")
+        self.count += count
 
     def rewind(self) -> None:
         """Begins again, with what has been learnt of the sensors and of the motion."""
@@ -105,8 +111,11 @@ class Tracker:
     def filtered(self, first: int, last: int) -> Motion:
         """The motion at the kept samples [first, last), each from the samples up to it."""
         nodes = ffi.new("struct ribbon_motion_nodes[]", last - first)
-        lib.ribbon_motion_step_outputs(self._model, last - first, self._steps + 1 + first, nodes, self._work)
+        self._output(first, last, nodes)
         return self._motion(nodes, first, last)
+
+    def _output(self, first: int, last: int, nodes: Any) -> None:
+        lib.ribbon_motion_step_outputs(self._model, last - first, self._steps + 1 + first, nodes, self._work)
 
     def smoothed(self, first: int, last: int) -> Motion:
         """The motion at the kept samples [first, last), each from all samples kept."""
@@ -137,3 +146,39 @@ class Tracker:
         status = np.array([self._steps[1 + i].status for i in range(first, last)], np.int32)
         t_s: Float64 = np.array([self._steps[1 + i].state.t_s for i in range(first, last)])
         return motion_of(nodes, last - first, status, t_s, self.params.node_count)
+
+
+def follow_each(trackers: Sequence[Tracker], samples: Samples, run: Run = map) -> Motion:
+    """The motion at the next sample of each of several ribbons of as many nodes; row i is of trackers[i].
+
+    The trackers must keep no samples, and do not keep these. run: does the work; the C library does it
+    without the interpreter's lock. Raises ValueError for arrays that cannot be, and for a time that is not
+    later than that of the sample before.
+    """
+    count, node_count = len(trackers), trackers[0].params.node_count
+    before = [tracker._before(samples, row) for row, tracker in enumerate(trackers)]
+    change = _force_change_mps3(
+        samples, np.array([force_mps2 for force_mps2, _ in before]), np.array([t_s for _, t_s in before])
+    )
+    c_samples = samples.to_c(node_count, change)
+    nodes = ffi.new("struct ribbon_motion_nodes[]", count)
+    status = np.zeros(count, np.int32)
+
+    def follow(row: int) -> None:
+        tracker = trackers[row]
+        tracker._run(c_samples + row, 1)
+        tracker._output(0, 1, nodes + row)
+        tracker._last = samples.force_mps2[row], float(samples.t_s[row])
+        status[row] = tracker._steps[1].status
+        tracker.forget(1)
+
+    for _ in run(follow, range(count)):
+        pass
+    return motion_of(nodes, count, status, samples.t_s, node_count)
+
+
+def _force_change_mps3(samples: Samples, force_mps2: Float64, t_s: Float64) -> Float64:
+    """(T, n) magnitude of the specific force's rate of change since earlier ones (T, n, 3) at times (T,)."""
+    with np.errstate(all="ignore"):  # values of sensors that are not valid may be anything
+        change = samples.force_mps2 - force_mps2
+        return np.asarray(np.sqrt(np.einsum("tni,tni->tn", change, change)) / (samples.t_s - t_s)[:, None])

@@ -4,16 +4,16 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
-from ribbonhost import wire
 from ribbonhost.device import Scan
-from ribbonhost.motion import LiveMotion, Motion, MotionParams, Samples
+from ribbonhost.motion import LiveMotion, Motion
 from ribbonhost.motion.anchor import start_weights
-from ribbonhost.motion.scans import Sampler, Timing, params_of
-from ribbonhost.pipeline.arrangement import Arrangement, Place
+from ribbonhost.motion.live import update_each
+from ribbonhost.motion.scans import Sampler
+from ribbonhost.pipeline.arrangement import Arrangement
 from ribbonhost.pipeline.poses import (
     Float64,
     MotionCounts,
@@ -24,16 +24,7 @@ from ribbonhost.pipeline.poses import (
     device_poses,
     reading_of,
 )
-
-PREDICTED_S = 0.1
-"""For so long after the last readings the estimate is carried on without; then the level reading serves."""
-
-_AT_REST = np.zeros(3)
-
-Calibrations = Mapping[str, wire.Calibration]
-"""Calibration records by serial number; a ribbon without one is taken as uncalibrated."""
-
-NO_CALIBRATIONS: Calibrations = {}
+from ribbonhost.pipeline.readings import Calibrations, Readings, Ribbons, read_s, samples_of
 
 
 def source_of(
@@ -50,7 +41,7 @@ def source_of(
     """
     if motion == "off":
         return device_poses
-    return partial(LivePoses, arrangement, rate_hz=rate_hz, calibrations=calibrations, on_event=on_event)
+    return partial(LivePoses, Ribbons(arrangement, rate_hz, calibrations, on_event))
 
 
 class LivePoses:
@@ -61,68 +52,69 @@ class LivePoses:
     counts: of each ribbon.
     """
 
-    def __init__(
-        self,
-        arrangement: Arrangement,
-        places: Sequence[int],
-        *,
-        rate_hz: int,
-        calibrations: Calibrations,
-        on_event: Callable[[str, str], None],
-    ) -> None:
-        """places: which ribbons of the arrangement, the reference first if there is a comb.
-
-        `on_event` is told of ribbons that cannot be estimated.
-        """
-        layout = arrangement.layout
-        self._ribbons = [
-            _Ribbon(place, rate_hz, calibrations.get(place.serial), on_event)
-            for place in (arrangement.places[index] for index in places)
-        ]
+    def __init__(self, ribbons: Ribbons, places: Sequence[int]) -> None:
+        """places: which of the ribbons, the reference first if there is a comb."""
+        layout = ribbons.layout
+        self._ribbons = [_Ribbon(ribbons.readings(index)) for index in places]
         self.counts = [ribbon.counts for ribbon in self._ribbons]
         self._starts = (
             start_weights(layout.node_count, layout.pitch_m, layout.start_m) if layout else np.zeros((0, 0))
         )
         self._reference: list[Pose] = []
-        others = len(places) - 1
+        self._sampler_of_each = lru_cache(maxsize=8)(Sampler.of_each)
         # The C library works without the interpreter's lock: so many ribbons at once as there are cores.
-        workers = min(others, os.cpu_count() or 1)
-        self._pool = ThreadPoolExecutor(workers, "motion") if layout and workers > 1 else None
+        workers = min(len(places) - 1, os.cpu_count() or 1)
+        self._pool = ThreadPoolExecutor(workers, "motion") if workers > 1 else None
 
     def poses(self, scans: Sequence[tuple[int, Scan]]) -> list[Pose]:
         """See PoseSource."""
-        of_ribbon: dict[int, list[Scan]] = {}
+        waiting: dict[int, list[Scan]] = {}
         for index, scan in scans:
-            of_ribbon.setdefault(index, []).append(scan)
-        made: dict[int, list[Pose]] = {}
-        if len(self._starts) and 0 in of_ribbon:
-            made[0] = [self._ribbons[0].pose(scan, _AT_REST) for scan in of_ribbon.pop(0)]
+            waiting.setdefault(index, []).append(scan)
+        made: dict[int, list[Pose]] = {index: [] for index in waiting}
+        if len(self._starts) and 0 in waiting:
+            made[0] = [self._poses({0: scan}, np.zeros((1, 3)))[0] for scan in waiting.pop(0)]
             self._reference = [*self._reference, *made[0]][-2:]
-        work = list(of_ribbon.items())
-        run = self._pool.map if self._pool and len(work) > 1 else map
-        made.update(zip(of_ribbon, run(self._run, work), strict=True))
+        for turn in range(max(map(len, waiting.values()), default=0)):
+            turns = {index: queue[turn] for index, queue in waiting.items() if turn < len(queue)}
+            for index, pose in zip(turns, self._poses(turns, self._known_mps2(turns)), strict=True):
+                made[index].append(pose)
         order = {index: iter(poses) for index, poses in made.items()}
         return [next(order[index]) for index, _ in scans]
 
-    def _run(self, work: tuple[int, list[Scan]]) -> list[Pose]:
-        index, scans = work
-        return [self._ribbons[index].pose(scan, self._known_mps2(index, scan)) for scan in scans]
+    def _poses(self, scans: Mapping[int, Scan], known_mps2: Float64) -> list[Pose]:
+        """The poses of the next scan of each of some ribbons. known_mps2: (R, 3) of their anchors."""
+        ribbons = [self._ribbons[index] for index in scans]
+        reads = [ribbon.take(scan) for ribbon, scan in zip(ribbons, scans.values(), strict=True)]
+        poses: list[Pose | None] = [None] * len(ribbons)
+        rows = [row for row, read in enumerate(reads) if read]
+        if rows:
+            there = [read for read in reads if read]
+            motion = self._update([ribbons[row] for row in rows], there, known_mps2[rows])
+            for i, (row, read) in enumerate(zip(rows, there, strict=True)):
+                poses[row] = pose_of(motion, i, read_s(read))
+        return [
+            ribbon.counted(scan, pose)
+            for ribbon, scan, pose in zip(ribbons, scans.values(), poses, strict=True)
+        ]
 
-    def _known_mps2(self, index: int, scan: Scan) -> Float64:
-        """(3,) acceleration of the place where a ribbon starts: that of the reference there and then."""
-        if not len(self._starts):
-            return _AT_REST
-        moving = [(p.t_host_s, p.moving) for p in self._reference if p.moving]
+    def _update(self, ribbons: Sequence["_Ribbon"], reads: Sequence[Scan], known_mps2: Float64) -> Motion:
+        sampler = self._sampler_of_each(tuple(ribbon.readings.sampler for ribbon in ribbons))
+        run = self._pool.map if self._pool and len(ribbons) > 1 else map
+        samples = replace(samples_of(sampler, reads), anchor_mps2=known_mps2)
+        return update_each([ribbon.motion for ribbon in ribbons if ribbon.motion], samples, run)
+
+    def _known_mps2(self, scans: Mapping[int, Scan]) -> Float64:
+        """(R, 3) acceleration of the places where ribbons start: that of the reference there and then."""
+        moving = [(pose.t_host_s, pose.moving) for pose in self._reference if pose.moving]
         if not moving:
-            return _AT_REST
-        weights = self._starts[index - 1]
+            return np.zeros((len(scans), 3))
         (t_s, newest), (before_s, before) = moving[-1], moving[0]
-        at_mps2 = weights @ newest.acceleration_mps2
-        at_s = read_s(scan)
-        if before_s < at_s < t_s:
-            share = (at_s - before_s) / (t_s - before_s)
-            return np.asarray(share * at_mps2 + (1 - share) * (weights @ before.acceleration_mps2))
-        return np.asarray(at_mps2)
+        at_s = [read_s(scan) for scan in scans.values()]
+        share = np.array([(at - before_s) / (t_s - before_s) if before_s < at < t_s else 1.0 for at in at_s])
+        weights = self._starts[[index - 1 for index in scans]]
+        there = np.matmul(weights, [before.acceleration_mps2, newest.acceleration_mps2])
+        return np.asarray(share[:, None] * there[1] + (1 - share[:, None]) * there[0])
 
 
 def pose_of(motion: Motion, row: int, t_host_s: float) -> Pose | None:
@@ -138,120 +130,33 @@ def pose_of(motion: Motion, row: int, t_host_s: float) -> Pose | None:
 
 
 class _Ribbon:
-    """The estimator of one ribbon."""
+    """The estimator of one ribbon.
 
-    def __init__(
-        self,
-        place: Place,
-        rate_hz: int,
-        calibration: wire.Calibration | None,
-        on_event: Callable[[str, str], None],
-    ) -> None:
+    motion: None of a ribbon that cannot be estimated, and before its first readings.
+    """
+
+    def __init__(self, readings: Readings) -> None:
         self.counts = MotionCounts()
-        self._readings = Readings(place, rate_hz, calibration, on_event)
-        self._motion: LiveMotion | None = None
+        self.readings = readings
+        self.motion: LiveMotion | None = None
         self._restarts = 0
 
-    def pose(self, scan: Scan, known_mps2: Float64) -> Pose:
-        """The pose of the next scan. known_mps2: (3,) acceleration of the ribbon's anchor."""
-        read, begins_anew = self._readings.take(scan)
+    def take(self, scan: Scan) -> Scan | None:
+        """What of the next scan the estimator is to be given; None: nothing."""
+        read, begins_anew = self.readings.take(scan)
         if begins_anew:
-            self._restarts = self.counts.restarts + bool(self._motion)
-            params = self._readings.params(scan)
-            self._motion = LiveMotion(params) if params else None
-        if self._motion and read:
-            pose = self._estimated(self._motion, read, known_mps2)
-            if pose:
-                self.counts.estimated += scan.raw is not None
-                self.counts.predicted += scan.raw is None
-                return pose
-        self.counts.level += 1
-        return reading_of(scan)
+            self._restarts = self.counts.restarts + bool(self.motion)
+            params = self.readings.params(scan)
+            self.motion = LiveMotion(params) if params else None
+        return read if self.motion else None
 
-    def _estimated(self, motion: LiveMotion, scan: Scan, known_mps2: Float64) -> Pose | None:
-        samples = replace(self._readings.samples([scan]), anchor_mps2=known_mps2[None])
-        moved = motion.update(samples)
-        self.counts.restarts = self._restarts + motion.counters["restarts"]
-        return pose_of(moved, 0, read_s(scan)) if moved else None
-
-
-def read_s(scan: Scan) -> float:
-    """Host time of the accelerometers' readings of a scan, on average."""
-    return scan.t_host_s - (1e-6 * scan.raw.accel_age_us if scan.raw else 0.0)
-
-
-def without_readings(raw: wire.Raw) -> wire.Raw:
-    """A RAW of the same ribbon whose readings are all said to be of no use."""
-    stale = np.full(len(raw.accels), wire.SlotReason.STALE, np.uint8)
-    return replace(raw, accels=replace(raw.accels, reason=stale), mags=replace(raw.mags, reason=stale))
-
-
-class Readings:
-    """Readings of one ribbon as samples for the estimator."""
-
-    def __init__(
-        self,
-        place: Place,
-        rate_hz: int,
-        calibration: wire.Calibration | None,
-        on_event: Callable[[str, str], None] = lambda label, what: None,
-    ) -> None:
-        self._place = place
-        self._rate_hz = rate_hz
-        self._calibration = calibration
-        self._on_event = on_event
-        self._sampler: Sampler | None = None
-        self._latest: Scan | None = None
-        self._taken_us = 0
-
-    def take(self, scan: Scan) -> tuple[Scan | None, bool]:
-        """What of the next scan an estimator is to be given, and whether one has to begin anew with it.
-
-        That is the scan; if its readings did not come, the scan with none of use, for PREDICTED_S after the
-        latest that did; then None. It begins anew with the first readings, with those of another timing, and
-        with those that are not later than all before, as after a reset of the clock.
-        """
-        latest = self._latest.raw if self._latest else None
-        if scan.raw:
-            begins_anew = (
-                not latest or _timing(scan.raw) != _timing(latest) or _read_us(scan) <= self._taken_us
-            )
-            self._latest, self._taken_us = scan, _read_us(scan)
-            return scan, begins_anew
-        if not self._latest or not latest or scan.t_device_us - self._latest.t_device_us > 1e6 * PREDICTED_S:
-            return None, False
-        read = replace(scan, raw=without_readings(latest))
-        if _read_us(read) <= self._taken_us:
-            return None, False
-        self._taken_us = _read_us(read)
-        return read, False
-
-    def params(self, scan: Scan) -> MotionParams | None:
-        """Parameters from a scan on; None, and told, for a ribbon that cannot be estimated."""
-        info = self._place.device.info if self._place.device else None
-        assert info is not None  # scans come of devices that have said who they are
-        assert scan.raw is not None
-        try:
-            self._sampler = Sampler(info, self._calibration)
-            params = params_of(info, Timing.of(scan.raw), self._calibration, self._rate_hz)
-            LiveMotion(params)
-        except ValueError as error:
-            self._on_event(self._place.label, f"is read as a level, its motion not estimated: {error}")
-            return None
-        return params
-
-    def samples(self, scans: Sequence[Scan]) -> Samples:
-        """Samples of scans with readings, on the device's clock. `params` must have been asked for before."""
-        assert self._sampler
-        pairs = [(s.raw, wire.NodeArray(s.q_world_node, s.valid, s.quality)) for s in scans if s.raw]
-        return self._sampler.samples(pairs, 1e-6 * np.array([scan.t_device_us for scan in scans]))
-
-
-def _read_us(scan: Scan) -> int:
-    """Device time of the accelerometers' readings of a scan, on average."""
-    return scan.t_device_us - (scan.raw.accel_age_us if scan.raw else 0)
-
-
-def _timing(raw: wire.Raw) -> tuple[int, ...]:
-    """What of a RAW's timing changes with the scan rate only."""
-    return (raw.accel_period_us, raw.accel_span_us, raw.mag_period_us, raw.mag_span_us)
+    def counted(self, scan: Scan, pose: Pose | None) -> Pose:
+        """What became of a scan: the pose, or what the device says if there is none."""
+        if self.motion:
+            self.counts.restarts = self._restarts + self.motion.counters["restarts"]
+        if pose is None:
+            self.counts.level += 1
+            return reading_of(scan)
+        self.counts.estimated += scan.raw is not None
+        self.counts.predicted += scan.raw is None
+        return pose

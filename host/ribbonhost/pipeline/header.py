@@ -8,8 +8,8 @@ from ribbonhost import wire
 from ribbonhost.comb import Comb
 from ribbonhost.device import Device
 from ribbonhost.pipeline.arrangement import Arrangement
-from ribbonhost.pipeline.estimating import NO_CALIBRATIONS
 from ribbonhost.pipeline.poses import MotionMode
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS
 from ribbonhost.reconstruct.comb import Method
 from ribbonhost.record import Header, RecordedRibbon
 

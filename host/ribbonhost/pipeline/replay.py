@@ -8,8 +8,9 @@ from ribbonhost.comb import parse_comb
 from ribbonhost.device import RecordedDevice, Scan
 from ribbonhost.errors import CombFileError, RecordingError
 from ribbonhost.pipeline.arrangement import Arrangement, Place
-from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations, source_of
+from ribbonhost.pipeline.estimating import source_of
 from ribbonhost.pipeline.poses import MODES, MotionMode, SourceOf, is_mode
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS, Calibrations, Ribbons
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
 from ribbonhost.pipeline.smoothing import Progress, SmoothedPoses
@@ -118,14 +119,11 @@ class Replay:
             self.damaged += recording.damaged
 
     def _smoothed_of(self, calibrations: Calibrations) -> SourceOf:
+        rate_hz = self._recordings[0].header.rate_hz
+        ribbons = Ribbons(self.arrangement, rate_hz, calibrations, self._on_event)
+
         def smoothed(places: Sequence[int]) -> SmoothedPoses:
-            made = SmoothedPoses(
-                self.arrangement,
-                places,
-                rate_hz=self._recordings[0].header.rate_hz,
-                calibrations=calibrations,
-                on_event=self._on_event,
-            )
+            made = SmoothedPoses(ribbons, places)
             self._smoothed.append(made)
             return made
 

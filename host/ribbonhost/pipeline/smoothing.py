@@ -10,14 +10,9 @@ import numpy as np
 from ribbonhost.device import Scan
 from ribbonhost.motion import Motion, smooth_recording
 from ribbonhost.motion.anchor import start_weights
-from ribbonhost.pipeline.arrangement import Arrangement
-from ribbonhost.pipeline.estimating import (
-    Calibrations,
-    Readings,
-    pose_of,
-    read_s,
-)
+from ribbonhost.pipeline.estimating import pose_of
 from ribbonhost.pipeline.poses import Float64, MotionCounts, Pose, reading_of
+from ribbonhost.pipeline.readings import Readings, Ribbons, read_s, samples_of
 
 Progress = Callable[[float], None]
 
@@ -28,22 +23,11 @@ class SmoothedPoses:
     counts: of each ribbon.
     """
 
-    def __init__(
-        self,
-        arrangement: Arrangement,
-        places: Sequence[int],
-        *,
-        rate_hz: int,
-        calibrations: Calibrations,
-        on_event: Callable[[str, str], None],
-    ) -> None:
+    def __init__(self, ribbons: Ribbons, places: Sequence[int]) -> None:
         """As for LivePoses."""
-        self._layout = arrangement.layout
+        self._ribbons = ribbons
+        self._layout = ribbons.layout
         self._indices = list(places)
-        self._places = [arrangement.places[index] for index in places]
-        self._rate_hz = rate_hz
-        self._calibrations = calibrations
-        self._on_event = on_event
         self.counts = [MotionCounts() for _ in places]
         self._poses: list[list[Pose]] = [[] for _ in places]
         self._scans: list[list[Scan]] = [[] for _ in places]
@@ -60,12 +44,12 @@ class SmoothedPoses:
             progress(done / total)
 
         if self._layout is None:
-            self._poses = [self._smoothed(i, None, advance) for i in range(len(self._places))]
+            self._poses = [self._smoothed(i, None, advance) for i in range(len(self._indices))]
             return
         reference = self._smoothed(0, None, advance)
         known = _Carried(reference, self._layout.node_count, self._layout.pitch_m, self._layout.start_m)
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            others = pool.map(lambda i: self._smoothed(i, known, advance), range(1, len(self._places)))
+            others = pool.map(lambda i: self._smoothed(i, known, advance), range(1, len(self._indices)))
             self._poses = [reference, *others]
 
     def poses(self, scans: Sequence[tuple[int, Scan]]) -> list[Pose]:
@@ -86,9 +70,8 @@ class SmoothedPoses:
         return found
 
     def _smoothed(self, index: int, known: "_Carried | None", advance: Callable[[int], None]) -> list[Pose]:
-        place, scans = self._places[index], self._scans[index]
-        poses: list[Pose] = []
-        readings = Readings(place, self._rate_hz, self._calibrations.get(place.serial), self._on_event)
+        scans, poses = self._scans[index], list[Pose]()
+        readings = self._ribbons.readings(self._indices[index])
         for part in _parts(scans, readings):
             poses += _estimates(part, readings, index, known)
             advance(len(part))
@@ -114,7 +97,7 @@ def _estimates(
     there = [read for _, read in part if read]
     if not there or (params := readings.params(there[0])) is None:
         return poses
-    samples = readings.samples(there)
+    samples = samples_of(readings.sampler, there)
     at_s = np.array([read_s(scan) for scan in there])
     if known:
         samples = replace(samples, anchor_mps2=known.acceleration_mps2(index, at_s))

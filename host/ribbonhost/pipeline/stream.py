@@ -9,9 +9,10 @@ from dataclasses import replace
 from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
 from ribbonhost.pipeline.arrangement import Arrangement
-from ribbonhost.pipeline.estimating import NO_CALIBRATIONS, Calibrations, source_of
+from ribbonhost.pipeline.estimating import source_of
 from ribbonhost.pipeline.keeper import Keeper
 from ribbonhost.pipeline.poses import MotionMode
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS, Calibrations
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
 from ribbonhost.pipeline.solving import OnSolved, Truth
