@@ -19,7 +19,7 @@ help:
 	@echo "make soak      a recording killed at 20 random moments, and ten minutes of view and recording"
 	@echo "make pictures  the pictures of README.md, taken of the page"
 	@echo "make firmware [BOARD=feather_f405]   the STM32F405 image, firmware/build/stm32f405/ribbon.bin"
-	@echo "make flash     the image into a board in DFU mode"
+	@echo "make flash [LINK=port]   the image into a board in DFU mode, or of the running ribbon at a port"
 	@echo "make probe     checks a new sensor string on a board that runs MicroPython [PORT=] [BOARD=] [SLOTS=] [WALK=1]"
 	@echo "make setup     .venv/bin/ribbonhost and .venv/bin/ribbonhil"
 	@echo "make check     lint, format, types, generated files, compiler warnings"

@@ -19,6 +19,8 @@ NAMED_WITHIN_S = 0.5
 RECOVERED_WITHIN_S = 1.0
 PATIENCE_S = 4.0
 """How long is waited for the recovery: a late one is told with its time."""
+SETTLE_S = 0.3
+"""A wire that is pulled by hand bounces: what is wrong is asked for so long after it was noticed."""
 STAYS_S = 0.2
 """What is well again must stay so."""
 BEFORE_S = 0.5
@@ -94,8 +96,10 @@ def react(bench: Bench, provoker: Provoker, provocation: Provocation) -> Iterato
     yield Measurement(
         f"{what}: named after", max(0.0, noticed_s - began_device_s), "s", high=NAMED_WITHIN_S, where=remark
     )
+    device.receive(SETTLE_S)
+    settled = reasons_of(raws(bench, fault)[-1][1])
     _, status = device.get_status()
-    for told_by, told in (("RAW", reasons_of(noticed.packet)), ("STATUS", np.asarray(status.slots.reason))):
+    for told_by, told in (("RAW", settled), ("STATUS", np.asarray(status.slots.reason))):
         yield none_of(f"{what}: wrong reasons in {told_by}", wrong_reasons(told, provocation))
 
     ended_s = provoker.stop(provocation)
@@ -173,6 +177,9 @@ def last_fresh_s(frames: Raws, struck: list[int], noticed: Frame) -> float:
 def wrong_reasons(reasons: Reasons, provocation: Provocation) -> Iterator[str]:
     """What is said of struck slots that is not what is wrong with them."""
     for slot in provocation.slots:
+        if slot >= len(reasons):
+            yield f"slot {slot}: left out"
+            continue
         reason = int(reasons[slot])
         if reason not in provocation.reasons:
             yield f"slot {slot}: {SlotReason(reason).name.lower() if reason in set(SlotReason) else reason}"

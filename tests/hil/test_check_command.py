@@ -21,7 +21,7 @@ from ribbonhil.check.runner import Outcome
 from ribbonhil.conformance import link as links
 from ribbonhil.ribbon import EmulatedRibbon
 from ribbonhost.errors import LinkError, LinkLostError, NoAnswerError, RibbonError, UsageError
-from ribbonhost.wire import Board, ClockPong, Info, Mode, Orient, Packet, Raw
+from ribbonhost.wire import Board, ClockPong, Info, Mode, Orient, Packet, Raw, Status
 from typer.testing import CliRunner, Result
 
 URL = "socket://127.0.0.1:1"
@@ -261,6 +261,13 @@ def with_a_slot_less(packet: Packet) -> Packet:
     return dataclasses.replace(packet, accels=accels)
 
 
+def with_a_slot_less_in_status(packet: Packet) -> Packet:
+    if not isinstance(packet, Status):
+        return packet
+    slots = dataclasses.replace(packet.slots, reason=packet.slots.reason[:9], errors=packet.slots.errors[:9])
+    return dataclasses.replace(packet, slots=slots)
+
+
 ODD = {
     "no RAW": without(Raw),
     "no ORIENT": without(Orient),
@@ -272,6 +279,7 @@ ODD = {
     "no orientations": without_orientations,
     "no readings": without_readings,
     "a slot less in RAW": with_a_slot_less,
+    "fewer slots in STATUS": with_a_slot_less_in_status,
     "one scan a second": changed(Info, rate_max_hz=1),
 }
 
