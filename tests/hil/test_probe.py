@@ -70,6 +70,13 @@ def test_clean_string_passes_with_a_row_a_slot():
     assert sentences(outcome) == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_no_two_parts_are_selected_at_once_whatever_the_flip_flops_held(seed: int):
+    outcome = run(Device(seed=seed, parts=PARTS[:SLOTS]))
+    assert outcome.status == 0
+    assert outcome.counters.conflicts == 0
+
+
 def test_noise_is_that_of_the_data_sheet():
     """64 readings know a standard deviation to 9 %; the mean over 16 parts and 3 axes to 1.3 %."""
     table = rows(clean())

@@ -20,7 +20,7 @@ from ribbonhil._firmware import ffi, lib
 from ribbonhil.emulated_device import PARTS, Device
 from ribbonhil.faults import BUS, Fault, FaultKind
 from ribbonhil.probe.build import PROBE, build
-from ribbonhil.sensor_string import SensorString, TruthTable, fill_config
+from ribbonhil.sensor_string import BusCounters, SensorString, TruthTable, fill_config
 from ribbonhil.stm32f405.boards import BOARDS
 from ribbonhil.truth import GRAVITY_MPS2, PITCH_M, Field, RibbonTruth
 
@@ -163,10 +163,11 @@ def passed_by_a_magnet(slots: int, start_s: float = 12.0, speed_mps: float = 0.1
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the probe printed, and its exit status: 0 if it found no fault."""
+    """What the probe printed, its exit status (0 if it found no fault), and what happened on the bus."""
 
     text: str
     status: int
+    counters: BusCounters
 
 
 def environment(send: int, receive: int, supply: Supply) -> dict[str, str]:
@@ -223,7 +224,7 @@ def run(
         raise
     finally:
         text, _ = process.communicate()
-    return Outcome(text, process.returncode)
+    return Outcome(text, process.returncode, pins.string.counters())
 
 
 def serve(pins: EmulatedPins, receive: int, send: int) -> None:

@@ -62,7 +62,13 @@ def mpremote(port: str, *commands: str) -> list[str]:
     return [sys.executable, "-m", "mpremote", "connect", port, *commands]
 
 
-def probe(port: str, compiled: Path, slots: int, walk: bool, show: Callable[[str], None] = print) -> bool:
+def _print_at_once(line: str) -> None:
+    print(line, flush=True)
+
+
+def probe(
+    port: str, compiled: Path, slots: int, walk: bool, show: Callable[[str], None] = _print_at_once
+) -> bool:
     """Runs the probe on a board and shows its lines as they come; whether it found no fault.
 
     Raises RibbonError if it did not get to a result.
