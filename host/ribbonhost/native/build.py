@@ -22,6 +22,7 @@ SOURCES = (
     "motion_linear.c",
     "motion_model.c",
     "motion_process.c",
+    "motion_sensors.c",
     "motion_filter.c",
     "motion_smooth.c",
     "motion_learn.c",

@@ -1,10 +1,7 @@
 /* One scan corrects a predicted state: iterated Kalman update, outliers down-weighted. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "motion_internal.h"
-
-enum { BLOCK = RIBBON_MOTION_BLOCK_MAX };
 
 /* Squared Mahalanobis norm beyond which a sensor is an outlier: one in a million of three Gaussian values. */
 #define GATE 30.0
@@ -18,212 +15,12 @@ size_t ribbon_motion_work_bytes(void) {
     return sizeof(struct ribbon_motion_work);
 }
 
-static bool usable_force(const struct ribbon_motion_sample *sample, size_t k) {
-    const double *f = sample->force_mps2[k];
-    return sample->force_valid[k] && isfinite(f[0] + f[1] + f[2]);
-}
-
-static bool usable_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                         size_t k) {
-    const double *b = sample->field_ut[k];
-    return sample->field_valid[k] && isfinite(b[0] + b[1] + (model->params.field_axes == 3 ? b[2] : 0.0));
-}
-
-/* Equations of all sensors, each row in units of its noise: those of the magnetometers, which tell of the
- * first block of the state only, come before those of the accelerometers. */
-struct equations {
-    size_t fields, rows; /* of the magnetometers, of all */
-    double force_sigma, field_sigma;
-    struct ribbon_motion_fit fit;
-};
-
-/* A sample taken at the wrong instant is off by as much as the force changes until then; as it is off along
- * one direction only, a third of the square falls on each axis. */
-static double force_sigma(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                          size_t k, const struct equations *equations) {
-    double change = sample->force_change_mps3[k];
-    return hypot(equations->force_sigma,
-                 isfinite(change) ? model->params.force_jitter_s * change * 0.577 : 0.0);
-}
-
-/* Adds the sensor whose derivatives are in the next rows: `residual` at the place of linearisation, which
- * lies `offset` from the prediction. */
-static void add_sensor(size_t axes, size_t columns, double sigma, const double residual[3],
-                       const double *offset, struct ribbon_motion_work *work, struct equations *equations) {
-    for (size_t a = 0; a < axes; a++) {
-        double *row = work->rows[equations->rows];
-        work->innovation[equations->rows++] = (residual[a] + motion_dot(columns, row, offset)) / sigma;
-        for (size_t j = 0; j < columns; j++)
-            row[j] *= 1.0 / sigma;
-    }
-}
-
-/* What an accelerometer reads less its offset, in the frame of the anchor. */
-static void unbiased_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                           const struct ribbon_motion_state *state, size_t k,
-                           const struct motion_shape *shape, double out[3]) {
-    double force[3];
-    for (size_t d = 0; d < 3; d++) {
-        force[d] = sample->force_mps2[k][d];
-        for (size_t j = 0; j < RIBBON_MOTION_OFFSET_SHAPES; j++)
-            force[d] -= model->offset_shape[j][k] * state->x[3 * model->block + 3 * j + d];
-    }
-    rotate(shape->rotation[2 * k], force, out);
-}
-
-/* Specific force, seen from the anchor: that of the anchor and the acceleration of the shape. */
-static void add_force(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_state *at, size_t k, const double *offset,
-                      struct ribbon_motion_work *work, struct equations *equations) {
-    size_t nb = model->block, slot = 2 * k, last = model->states - 3;
-    const struct motion_shape *shape = &work->shape;
-    double (*rows)[RIBBON_MOTION_MATRIX_MAX] = work->rows + equations->rows;
-    double v[3], measured[3], residual[3];
-    unbiased_force(model, sample, at, k, shape, measured);
-    for (size_t d = 0; d < 3; d++) {
-        v[d] = shape->acceleration[slot][d] + at->x[last + d];
-        residual[d] = measured[d] - v[d];
-        memcpy(rows[d], work->pull[d], 3 * nb * sizeof(double));
-        memset(rows[d] + last - 6, 0, 9 * sizeof(double));
-        for (size_t j = 0; j < RIBBON_MOTION_OFFSETS; j++)
-            rows[d][3 * nb + j] = shape->rotation[slot][3 * d + j % 3] * model->offset_shape[j / 3][k];
-        rows[d][last + d] = 1.0;
-    }
-    /* Turning the node turns the measured vector the other way: + v x turn. */
-    for (size_t j = 3; j < nb; j++) {
-        double t[3] = {shape->turn[slot][0][j], shape->turn[slot][1][j], shape->turn[slot][2][j]}, c[3];
-        cross(v, t, c);
-        for (size_t d = 0; d < 3; d++)
-            rows[d][j] += c[d];
-    }
-    equations->fit.forces++;
-    add_sensor(3, model->states, force_sigma(model, sample, k, equations), residual, offset, work, equations);
-}
-
-static void add_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_state *at, size_t k, const double *offset,
-                      struct ribbon_motion_work *work, struct equations *equations) {
-    size_t nb = model->block, slot = 2 * k + 1, axes = (size_t)model->params.field_axes;
-    const double *rotation = work->shape.rotation[slot];
-    double (*rows)[RIBBON_MOTION_MATRIX_MAX] = work->rows + equations->rows;
-    double field[3], expected[3], residual[3];
-    rotate_back(at->root, model->params.field_ut, field);
-    rotate_back(rotation, field, expected);
-    /* The node turns on until the magnetometer samples. */
-    double turned[3], later[3];
-    rotate_back(rotation, work->shape.rate[slot], turned);
-    cross(expected, turned, later);
-    for (size_t a = 0; a < axes; a++) {
-        /* Row of transpose(rotation) [field]x. */
-        double column[3] = {rotation[a], rotation[3 + a], rotation[6 + a]}, m[3];
-        cross(column, field, m);
-        residual[a] = sample->field_ut[k][a] - expected[a] - model->params.field_later_s * later[a];
-        rotate(at->root, m, rows[a]);
-        for (size_t j = 3; j < nb; j++)
-            rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
-                         m[2] * work->shape.turn[slot][2][j];
-    }
-    equations->fit.fields++;
-    add_sensor(axes, nb, equations->field_sigma, residual, offset, work, equations);
-}
-
-/* The derivative of the acceleration from slot i to the next. */
-static void integrate_pull(const struct ribbon_motion_model *model, size_t i,
-                           struct ribbon_motion_work *work) {
-    double weight[4];
-    size_t first = motion_quadrature(model->slots, i, weight), columns = 3 * model->block;
-    for (int d = 0; d < 3; d++) {
-        double *restrict o = work->pull[d];
-        const double *a = work->shape.change[first][d], *b = work->shape.change[first + 1][d];
-        const double *c = work->shape.change[first + 2][d], *e = work->shape.change[first + 3][d];
-        double h = model->params.pitch_m;
-        double wa = h * weight[0], wb = h * weight[1], wc = h * weight[2], we = h * weight[3];
-        for (size_t j = 0; j < columns; j++)
-            o[j] += wa * a[j] + wb * b[j] + wc * c[j] + we * e[j];
-    }
-}
-
-/* Equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
-static void add_sensors(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                        const struct ribbon_motion_state *at, const double *offset,
-                        struct ribbon_motion_work *work, struct equations *equations) {
-    size_t nodes = model->params.nodes;
-    motion_shape(model, at, true, &work->shape);
-    for (size_t k = 0; k < nodes; k++)
-        if (usable_field(model, sample, k))
-            add_field(model, sample, at, k, offset, work, equations);
-    equations->fields = equations->rows;
-    memset(work->pull, 0, sizeof work->pull);
-    for (size_t k = 0; k < nodes; k++) {
-        if (usable_force(sample, k))
-            add_force(model, sample, at, k, offset, work, equations);
-        for (size_t i = 2 * k; i < 2 * k + 2 && i + 1 < model->slots; i++)
-            integrate_pull(model, i, work);
-    }
-}
-
 /* Largest turn or bend of the first block between two errors. */
 static double moved(const struct ribbon_motion_model *model, const double *a, const double *b) {
     double length = model->params.pitch_m * (double)(model->slots - 1), most = 0.0;
     for (size_t i = 0; i < model->block; i++)
         most = fmax(most, fabs(a[i] - b[i]) * (i < 3 ? 1.0 : length / (double)(model->modes / 2)));
     return most;
-}
-
-static int ascending(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Value below which a share of `count` values lies, 1 if there is none. Sorts them. */
-static double quantile(double *values, size_t count, double share) {
-    if (count == 0)
-        return 1.0;
-    qsort(values, count, sizeof values[0], ascending);
-    return values[(size_t)((double)count * share)];
-}
-
-/* Median of chi squared with 3 degrees of freedom, lower quartiles with 2 and 3. */
-#define MEDIAN_3   2.366
-#define QUARTILE_2 0.575
-#define QUARTILE_3 1.213
-
-/* Quantiles over the sensors of a kind of the squared residual, in units of the one expected: outliers have
- * no say. Of the magnetometers half and more may be beside one magnet. */
-static void typical_residuals(const struct ribbon_motion_model *model,
-                              const struct ribbon_motion_sample *sample,
-                              const struct ribbon_motion_state *state, const struct equations *equations,
-                              struct motion_shape *shape, struct ribbon_motion_fit *fit) {
-    double forces[RIBBON_MOTION_NODE_MAX], fields[RIBBON_MOTION_NODE_MAX], residual[3], field[3];
-    size_t force_count = 0, field_count = 0, axes = (size_t)model->params.field_axes;
-    motion_shape(model, state, false, shape);
-    rotate_back(state->root, model->params.field_ut, field);
-    for (size_t k = 0; k < model->params.nodes; k++) {
-        fit->force_left[k][0] = NAN;
-        if (usable_force(sample, k)) {
-            unbiased_force(model, sample, state, k, shape, residual);
-            for (size_t d = 0; d < 3; d++)
-                residual[d] -= shape->acceleration[2 * k][d] + state->x[model->states - 3 + d];
-            memcpy(fit->force_left[k], residual, sizeof residual);
-            double sigma = force_sigma(model, sample, k, equations);
-            forces[force_count++] = dot(residual, residual) / (MEDIAN_3 * sigma * sigma);
-        }
-        if (usable_field(model, sample, k)) {
-            const double *rotation = shape->rotation[2 * k + 1];
-            double turned[3], later[3], square = 0.0;
-            rotate_back(rotation, field, residual);
-            rotate_back(rotation, shape->rate[2 * k + 1], turned);
-            cross(residual, turned, later);
-            for (size_t a = 0; a < axes; a++) {
-                double e = sample->field_ut[k][a] - residual[a] - model->params.field_later_s * later[a];
-                square += e * e;
-            }
-            fields[field_count++] = square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * equations->field_sigma *
-                                              equations->field_sigma);
-        }
-    }
-    fit->force_residual = quantile(forces, force_count, 0.5);
-    fit->field_residual = quantile(fields, field_count, 0.25);
 }
 
 /* A correction has the covariance that the update takes from the state: with the right jerk its square is, on
@@ -255,7 +52,7 @@ static void judge_corrections(const struct ribbon_motion_model *model, const str
 /* Score test: with the derivatives H by an acceleration of the anchor and the covariance S of the innovations
  * e the gradient is transpose(H) inverse(S) e, and its covariance transpose(H) inverse(S) H. */
 static double anchor_score(const struct ribbon_motion_model *model, const struct ribbon_motion_work *work,
-                           const struct equations *equations) {
+                           const struct motion_equations *equations) {
     double gradient[3] = {0.0}, covariance[3][3] = {{0.0}};
     for (size_t i = equations->fields; i < equations->rows; i++) {
         double white[3] = {0.0};
@@ -279,7 +76,7 @@ struct share {
     double freedom; /* trace of inverse(S): what the correction leaves to the residuals */
 };
 
-static struct share share_of(const struct ribbon_motion_work *work, const struct equations *equations,
+static struct share share_of(const struct ribbon_motion_work *work, const struct motion_equations *equations,
                              size_t first, size_t last) {
     struct share share = {0.0, 0.0};
     for (size_t i = first; i < last; i++)
@@ -291,7 +88,7 @@ static struct share share_of(const struct ribbon_motion_work *work, const struct
 }
 
 static void judge_fit(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                      const struct ribbon_motion_step *step, const struct equations *equations,
+                      const struct ribbon_motion_step *step, const struct motion_equations *equations,
                       struct ribbon_motion_work *work, struct ribbon_motion_fit *fit) {
     *fit = equations->fit;
     judge_corrections(model, step, work->vector[CORRECTION], fit);
@@ -309,7 +106,7 @@ static void judge_fit(const struct ribbon_motion_model *model, const struct ribb
     double expected = 1.0 - (1.0 - 1.0 / model->params.force_overlap) * left;
     fit->force_innovation = forces > 0.0 ? force.square / (forces * expected) : 1.0;
     fit->field_innovation = fields > 0.0 ? field.square / fields : 1.0;
-    typical_residuals(model, sample, &step->state, equations, &work->shape, fit);
+    motion_typical_residuals(model, sample, &step->state, equations, &work->shape, fit);
     /* With hardly any freedom left there is nothing to learn from the residual. */
     fit->force_residual =
         force_freedom > 0.2 * forces ? fit->force_residual * forces / (force_freedom * expected) : 1.0;
@@ -318,7 +115,7 @@ static void judge_fit(const struct ribbon_motion_model *model, const struct ribb
 
 /* Covariance of the innovations in units of their noise, without the noise: upper triangle of the spread. */
 static void spread_innovations(const struct ribbon_motion_model *model, motion_matrix predicted,
-                               const struct equations *equations, struct ribbon_motion_work *work) {
+                               const struct motion_equations *equations, struct ribbon_motion_work *work) {
     size_t n = model->states, nb = model->block, fields = equations->fields;
     size_t rows = equations->rows, forces = rows - fields;
     struct motion_view all = MOTION_VIEW(work->rows), through = MOTION_VIEW(work->through);
@@ -364,9 +161,10 @@ static size_t weigh(size_t axes, size_t first, size_t last, size_t rows, struct 
     return outliers;
 }
 
-/* Correction and covariance of the step from the equations; false if the covariance predicted is none. */
+/* Correction of the prediction, and the whitened rows whose squares its covariance loses; false if that has lost
+ * its sense. */
 static bool solve(const struct ribbon_motion_model *model, struct ribbon_motion_step *step,
-                  struct equations *equations, struct ribbon_motion_work *work) {
+                  struct motion_equations *equations, struct ribbon_motion_work *work) {
     size_t n = model->states, rows = equations->rows;
     double *x = work->vector[CORRECTION];
     spread_innovations(model, step->predicted_covariance, equations, work);
@@ -397,19 +195,19 @@ int ribbon_motion_correct(const struct ribbon_motion_model *model, const struct 
                           struct ribbon_motion_work *work) {
     size_t n = model->states;
     double *offset = work->vector[OFFSET], *correction = work->vector[CORRECTION];
-    struct equations equations;
+    struct motion_equations equations;
     step->state = around ? *around : step->predicted;
     memset(fit, 0, sizeof *fit);
     bool last = false;
     for (int iteration = 1; !last; iteration++) {
-        equations = (struct equations){
+        equations = (struct motion_equations){
             .force_sigma = hypot(sqrt(scales->force_noise * model->params.force_overlap) *
                                      model->params.accel_sigma_mps2,
                                  scales->slack_mps2),
             .field_sigma = sqrt(scales->field_noise) * model->params.field_sigma_ut,
         };
         motion_subtract(model, &step->state, &step->predicted, offset);
-        add_sensors(model, sample, &step->state, offset, work, &equations);
+        motion_add_sensors(model, sample, &step->state, offset, work, &equations);
         if (!solve(model, step, &equations, work)) {
             step->state = step->predicted;
             memcpy(step->covariance, step->predicted_covariance, sizeof(motion_matrix));

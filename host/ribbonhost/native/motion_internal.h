@@ -125,6 +125,26 @@ void motion_apply(size_t n, const motion_matrix a, const double *v, double *out)
 /* e inverse(s) e, s symmetric. */
 double motion_quadratic(double s[3][3], const double e[3]);
 
+/* Equations of all sensors, each row in units of its noise: those of the magnetometers, which tell of the
+ * first block of the state only, come before those of the accelerometers. */
+struct motion_equations {
+    size_t fields, rows; /* of the magnetometers, of all */
+    double force_sigma, field_sigma;
+    struct ribbon_motion_fit fit;
+};
+
+/* Adds the equations of all valid sensors, linearised at `at`, which lies `offset` from the prediction. */
+void motion_add_sensors(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                        const struct ribbon_motion_state *at, const double *offset,
+                        struct ribbon_motion_work *work, struct motion_equations *equations);
+/* What a state leaves unexplained: fills force_left, and as force_residual and field_residual quantiles of
+ * the squared residual over the sensors of a kind, in units of the one expected. */
+void motion_typical_residuals(const struct ribbon_motion_model *model,
+                              const struct ribbon_motion_sample *sample,
+                              const struct ribbon_motion_state *state,
+                              const struct motion_equations *equations, struct motion_shape *shape,
+                              struct ribbon_motion_fit *fit);
+
 /* to = from + d in the order of the error; `to` may be `from`. */
 void motion_add(const struct ribbon_motion_model *model, const struct ribbon_motion_state *from,
                 const double *d, struct ribbon_motion_state *to);
