@@ -8,6 +8,7 @@
 #include "fusion_scan.h"
 #include "quaternion.h"
 #include "vec3.h"
+#include "wire.h" /* enum wire_quality */
 
 #define NODES RIBBON_NODE_COUNT
 
@@ -22,6 +23,9 @@ static const float READING_MAX_SQUARED = 1e8f;
 /* Between two scans, seconds. */
 static const float INTERVAL_MIN_S = 1e-4f;
 static const float INTERVAL_MAX_S = 10.0f;
+
+/* What a reading adds to the scatter is bounded by so many times what the scatter may be. */
+static const float STEP_TOLERANCES = 3.0f;
 
 /* A field this close to the vertical (share of its magnitude) has no heading.
  */
@@ -49,6 +53,7 @@ void fusion_params_default(struct fusion_params *params) {
         .branch_still = 0.1f,
         .branch_cost_max = 12.0f,
         .ambiguous_cost = 9.0f,
+        .ambiguous_sigma_rad = 0.07f,
         .sigma_max_rad = 0.55f,
     };
     for (unsigned k = 0; k < NODES; k++)
@@ -98,9 +103,10 @@ static void filter(const struct fusion_params *params, struct fusion_state *stat
     }
 
     struct rest_filter_gain *const gain = &state->gain;
+    const float accel_max_mps2 = STEP_TOLERANCES * params->shake_tolerance * params->gravity_mps2;
     const float ratio_sum =
-        rest_filter_watch(state->accel, NODES, gain, input->accel_mps2, scan->accel_valid) +
-        rest_filter_watch(state->field, NODES, gain, input->field_ut, scan->field_valid);
+        rest_filter_watch(state->accel, NODES, gain, input->accel_mps2, scan->accel_valid, accel_max_mps2) +
+        rest_filter_watch(state->field, NODES, gain, input->field_ut, scan->field_valid, INFINITY);
     rest_filter_adapt(&params->rest, scan->dt_s, count > 0u ? ratio_sum / (float)count : 0.0f, gain);
     rest_filter_take(state->accel, NODES, gain, input->accel_mps2, scan->accel_valid);
     rest_filter_take(state->field, NODES, gain, input->field_ut, scan->field_valid);
@@ -212,6 +218,9 @@ static void orient(const struct fusion_params *params, const struct fusion_state
         node->q_world_node[1] = node->q_world_node[2] = node->q_world_node[3] = 0.0f;
     }
     node->flags = fusion_quality_flags(state, derived, scan, k);
+    if (params->has_two_axes && scan->field_trusted[k] && node->flags == 0u &&
+        node->sigma_rad > params->ambiguous_sigma_rad)
+        node->flags = WIRE_QUALITY_HEADING_AMBIGUOUS;
 }
 
 static void remember(struct fusion_state *state, const struct fusion_scan *scan) {

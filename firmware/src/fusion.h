@@ -43,9 +43,10 @@ struct fusion_params {
                            0.3 */
     float branch_rate;  /* turn in time, the same, rad/s; default 2 */
     float branch_still; /* and the part that does not grow with time, rad; default 0.1 */
-    float branch_cost_max; /* of a step in time or along the ribbon, chi squared; default 12 */
-    float ambiguous_cost;  /* a second heading that fits worse by less is told, chi squared; default 9 */
-    float sigma_max_rad;   /* an orientation worse than this is no orientation; default 0.55 */
+    float branch_cost_max;     /* of a step in time or along the ribbon, chi squared; default 12 */
+    float ambiguous_cost;      /* a second heading that fits worse by less is told, chi squared; default 9 */
+    float ambiguous_sigma_rad; /* two axes: so is a range of headings as wide as this; default 0.07 */
+    float sigma_max_rad;       /* an orientation worse than this is no orientation; default 0.55 */
 };
 
 /* What a reset clears. */

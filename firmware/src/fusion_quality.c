@@ -55,7 +55,8 @@ void fusion_quality_watch_level(const struct fusion_params *params, struct fusio
     const float g = params->gravity_mps2;
     const float drift_squared = vec3_dot(filter->drift, filter->drift);
     const bool is_off_level = fabsf(length_mps2 - g) > params->level_tolerance * g;
-    const bool is_shaken = filter->scatter - drift_squared > squared(params->shake_tolerance * g);
+    const bool is_shaken =
+        filter->has_jumped || filter->scatter - drift_squared > squared(params->shake_tolerance * g);
     const bool is_turning = rate(filter, &state->gain, g, scan->dt_s) > params->turn_tolerance;
     hold(&state->unrest_s[j], scan->accel_valid[j] && (is_off_level || is_shaken || is_turning),
          params->hold_s, scan->dt_s);

@@ -23,23 +23,30 @@ static float ratio_of_noise(const struct rest_filter_gain *gain) {
     return gain->window_gain / (2.0f - gain->window_gain);
 }
 
-static void watch(struct rest_filter *filter, float window_gain, const float reading[3]) {
+static void watch(struct rest_filter *filter, float window_gain, const float reading[3], float step_max) {
     float difference[3];
     float change[3];
     vec3_subtract(reading, filter->mean, difference);
     vec3_subtract(difference, filter->drift, change);
+    const float step_squared = vec3_dot(change, change);
+    filter->has_jumped = step_squared > step_max * step_max;
+    if (filter->has_jumped) {
+        vec3_scale(change, step_max / sqrtf(step_squared));
+        memcpy(difference, filter->drift, sizeof difference);
+        vec3_add_scaled(difference, 1.0f, change);
+    }
     vec3_add_scaled(filter->drift, window_gain, change);
     filter->scatter += window_gain * (vec3_dot(difference, difference) - filter->scatter);
 }
 
 float rest_filter_watch(struct rest_filter *filters, unsigned count, const struct rest_filter_gain *gain,
-                        const float (*readings)[3], const bool *valid) {
+                        const float (*readings)[3], const bool *valid, float step_max) {
     const float of_noise = ratio_of_noise(gain);
     float sum = 0.0f;
     for (unsigned i = 0; i < count; i++) {
         struct rest_filter *const filter = &filters[i];
         if (valid[i] && filter->is_set) {
-            watch(filter, gain->window_gain, readings[i]);
+            watch(filter, gain->window_gain, readings[i], step_max);
             const float drift_squared = vec3_dot(filter->drift, filter->drift);
             if (drift_squared > 0.0f)
                 sum += drift_squared / (filter->scatter * of_noise);

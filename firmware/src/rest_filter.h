@@ -26,19 +26,21 @@ struct rest_filter_gain {
 
 /* Of one sensor. Unit u: that of the readings. */
 struct rest_filter {
-    float mean[3];  /* u */
-    float drift[3]; /* mean of reading - mean, u */
-    float scatter;  /* mean of |reading - mean|^2, u^2 */
-    bool is_set;    /* the others are those of readings */
+    float mean[3];   /* u */
+    float drift[3];  /* mean of reading - mean, u */
+    float scatter;   /* mean of |reading - mean|^2, u^2 */
+    bool is_set;     /* the others are those of readings */
+    bool has_jumped; /* the last reading was farther from what drift says than step_max */
 };
 
 void rest_filter_params_default(struct rest_filter_params *params);
 
 /* Takes the readings of a scan into drift and scatter, those with valid[i]: they must be finite. A sensor
- * without a valid reading starts anew with the next one. Returns the sum of their drift^2 / scatter, in units
+ * without a valid reading starts anew with the next one. A reading counts as no farther from what drift says
+ * than step_max, u: a tap is soon forgotten. Returns the sum of their drift^2 / scatter, in units
  * of what noise alone gives (0 for a sensor that reads the same all the time). */
 float rest_filter_watch(struct rest_filter *filters, unsigned count, const struct rest_filter_gain *gain,
-                        const float (*readings)[3], const bool *valid);
+                        const float (*readings)[3], const bool *valid, float step_max);
 
 /* Sets the gains for a scan dt_s after the one before, from the mean of all sensors' ratios in it. */
 void rest_filter_adapt(const struct rest_filter_params *params, float dt_s, float mean_ratio,

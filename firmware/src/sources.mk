@@ -15,7 +15,7 @@ APPLICATION_SOURCES := \
 # Of these, what every scan runs through and is faster if built for speed, and where it pays to unroll the loops
 # over three axes.
 SCANNED_SOURCES := \
-    bridge_offset.c framing.c fusion.c fusion_field.c fusion_quality.c packets.c plausibility.c rest_filter.c \
+    bridge_offset.c framing.c fusion.c fusion_field.c fusion_quality.c packets.c rest_filter.c \
     select_chain.c slot.c two_axis.c \
     sensors/hmc5983_decode.c sensors/lis2dw12_decode.c sensors/mmc5983ma_decode.c port/stm32f405/bus.c
 UNROLLED_SOURCES := \

@@ -141,16 +141,20 @@ def test_two_axes_know_least_where_a_vertical_plane_runs_along_the_meridian():
     level = np.eye(3)  # rows: the world's axes in the node's frame
     facing_south = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x east, y up, z south
     facing_east = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # x north, y up, z east
-    sigma_deg = []
+    sigma_deg, flags = [], []
     for r in (level, facing_south, facing_east):
         accel = np.tile(GRAVITY_MPS2 * r[2], (NODES, 1))
         field = np.tile(FIELD_UT @ r, (NODES, 1))
-        sigma_deg.append(Fusion(two_axes=True).scan(accel, field).sigma_deg[5])
+        result = Fusion(two_axes=True).scan(accel, field)
+        sigma_deg.append(result.sigma_deg[5])
+        flags.append(result.flags[5])
     assert sigma_deg[0] < 1.0
     assert sigma_deg[1] == pytest.approx(sigma_deg[0], rel=0.1), (
         "north is in the normal: x turns with heading"
     )
     assert sigma_deg[2] > 4 * sigma_deg[0], "north is along x, where a cosine has its maximum"
+    assert flags[0] == 0
+    assert flags[1:] == [AMBIGUOUS, AMBIGUOUS], "two headings far apart, and many close to each other"
 
 
 @pytest.mark.parametrize("two_axes", [False, True])
@@ -351,6 +355,20 @@ def test_moving_is_told_for_the_nodes_it_concerns_and_half_a_second_longer():
     assert np.flatnonzero(flags & MOVING).tolist() == [7, 8], "between the neighbours of accelerometer 8"
     assert (flags_after(push, scans=95)[7:9] & MOVING).all()
     assert not (flags_after(push, scans=150) & MOVING).any()
+
+
+def test_tap_is_told_and_forgotten_within_a_second():
+    """2 g for two scans, across gravity, where |a| of a mean over 0.3 s says nothing of it."""
+    across = np.cross([0.3, 0.5, 0.8], readings(*straight(np.array([0.8, 0.36, 0.48, 0.0])))[0][0])
+    across *= 2 * GRAVITY_MPS2 / np.linalg.norm(across)
+
+    def tap(i, accel, field):
+        if i in (100, 101):
+            accel += across
+
+    assert (flags_after(tap, scans=103) & MOVING).all()
+    assert (flags_after(tap, scans=145) & MOVING).all()
+    assert not flags_after(tap, scans=190).any()
 
 
 def test_wrong_field_strength_is_told():
