@@ -2,30 +2,19 @@
 
 import json
 import signal
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from host.fake_ribbon import FakeRibbon, served
+from host.running_comb import SERIALS, check_replay, running
 from host.test_cli import start
 from ribbonhost import wire
-from ribbonhost.comb import Comb, CombRibbon
-from ribbonhost.device import open_device
-from ribbonhost.pipeline.arrangement import arrange_comb
-from ribbonhost.pipeline.header import header_of
-from ribbonhost.pipeline.replay import Replay
-from ribbonhost.pipeline.report import Report
-from ribbonhost.pipeline.solving import Solved
-from ribbonhost.pipeline.stream import Stream
-from ribbonhost.record import Back, Lost, Recorder, Recording
+from ribbonhost.record import Back, Lost, Recording
 from serial.tools import list_ports
 
-SERIALS = [f"{i:024x}" for i in range(1, 5)]
-COMB = Comb(SERIALS[0], 0.025, tuple(CombRibbon(serial, 0.05 * i) for i, serial in enumerate(SERIALS[1:])))
 LEFT = "at 0 m"
 
 
@@ -36,50 +25,6 @@ def ports(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(list_ports, "comports", lambda: [SimpleNamespace(device=name) for name in names])
     monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
     return names
-
-
-class Running:
-    """A recorded comb of fakes on TCP ports, what it told, and what it made."""
-
-    def __init__(self, stack: ExitStack, path: Path) -> None:
-        self.fakes = [FakeRibbon(serial=serial, drift_ppm=20.0 * i) for i, serial in enumerate(SERIALS)]
-        self.events: list[tuple[str, str]] = []
-        self.solved: list[Solved] = []
-        self.recorder = Recorder(path)
-        taps = [self.recorder.tap() for _ in self.fakes]
-        self.devices = [
-            open_device(stack.enter_context(served(fake)), observer=tap)
-            for fake, tap in zip(self.fakes, taps, strict=True)
-        ]
-        arrangement = arrange_comb(self.devices, COMB)
-        self.stream = Stream(
-            arrangement,
-            rate_hz=100,
-            on_event=lambda *event: self.events.append(event),
-            on_solved=[self.solved.append],
-            reconnect=True,
-        )
-        channels = {device: tap.channel for device, tap in zip(self.devices, taps, strict=True)}
-        self.recorder.start(header_of(arrangement, channels, comb=COMB, rate_hz=100, method="spline"))
-        stack.callback(self.recorder.close)
-        stack.callback(self.stream.close)
-        self.stream.start()
-
-    def until(self, condition: Callable[[Report], bool]) -> Report:
-        deadline_s = time.monotonic() + 20
-        while not condition(report := self.stream.report()):
-            assert time.monotonic() < deadline_s, f"did not come true in 20 s: {report} {self.events}"
-            time.sleep(0.02)
-        return report
-
-    def has_told(self, what: str) -> bool:
-        return any(what in told for _, told in self.events)
-
-
-@contextmanager
-def running(path: Path) -> Iterator[Running]:
-    with ExitStack() as stack:
-        yield Running(stack, path)
 
 
 def test_an_unplugged_ribbon_is_set_up_again_when_it_is_back_and_the_recording_knows(tmp_path: Path) -> None:
@@ -114,20 +59,6 @@ def test_an_unplugged_ribbon_is_set_up_again_when_it_is_back_and_the_recording_k
     (back,) = [item for item in items if isinstance(item, Back)]
     assert back.t_host_s - lost.t_host_s == pytest.approx(left.gone_s, abs=1e-6)
     check_replay(path, run.solved, left.gone_s)
-
-
-def check_replay(path: Path, solved: list[Solved], gone_s: float) -> None:
-    """The recording gives the frames of the stream, to the bit, and the same gap."""
-    again: list[Solved] = []
-    replay = Replay([Recording(path)], on_solved=[again.append])
-    for _ in replay.play():
-        pass
-    assert replay.damaged == 0
-    assert len(again) == len(solved)
-    for one, other in zip(solved, again, strict=True):
-        assert one.match.t_host_s == other.match.t_host_s
-        np.testing.assert_array_equal(one.node_m, other.node_m)
-    assert replay.report().ribbons[1].gone_s == pytest.approx(gone_s, abs=1e-6)
 
 
 @pytest.mark.parametrize("how", ["a new serial port", "a port that the user named"])

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -254,3 +255,21 @@ def test_what_is_no_recording_is_refused_in_a_sentence(tmp_path: Path) -> None:
             Recording(path)
     with pytest.raises(RecordingError, match="No such file"):
         Recording(tmp_path / "none.mcap")
+
+
+def test_what_is_known_of_a_ribbon_that_joined_stands_in_this_part_and_the_next(tmp_path: Path) -> None:
+    absent = replace(HEADER.ribbons[0], port="", firmware="")
+    known = replace(HEADER.ribbons[0], port="COM7", firmware="0.1.0", calibration_record=b"\1\2")
+    recorder = Recorder(tmp_path / "late.mcap", rotate_bytes=20_000)
+    tap = recorder.tap()
+    recorder.start(replace(HEADER, ribbons=(absent, *HEADER.ribbons[1:])))
+    tap.sent(bytes(9000), 1.0)
+    recorder.describe((known, *HEADER.ribbons[1:]))
+    tap.sent(bytes(9000), 2.0)
+    while len(recorder.paths) < 2:
+        tap.sent(bytes(9000), 3.0)
+        time.sleep(0.05)
+    recorder.close()
+    assert [Recording(path).header.ribbons[0] for path in recorder.paths] == [known] * len(recorder.paths)
+    recover(recorder.paths[0])
+    assert Recording(recorder.paths[0]).header.ribbons[0] == known

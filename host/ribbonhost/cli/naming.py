@@ -25,23 +25,35 @@ def open_named(name: str, *, baud: int, comb: Path | None = None, observer: Obse
     return open_device(url, baud=baud, observer=observer)
 
 
-def resolve(names: Sequence[str], *, baud: int, comb: Comb | None = None) -> tuple[str, ...]:
+def resolve(
+    names: Sequence[str], *, baud: int, comb: Comb | None = None, missing: list[str] | None = None
+) -> tuple[str, ...]:
     """The ports of the ribbons with these names; what reads like a port stays as it is.
 
     Ports are only asked if a name needs it. Raises UsageError if a name fits several ribbons, or two names
-    one; LinkError if no ribbon found fits it.
+    one; LinkError if no ribbon found fits it. With `missing`, a ribbon of the comb that is not found does not
+    end it as long as others are there: it is left out, and a sentence about it added.
     """
     prefixes = {name: prefix for name in names if (prefix := _serial_prefix(name, comb))}
     if not prefixes:
         return tuple(names)
     given = [name for name in names if name not in prefixes]
     ports = probe_ports([*given, *candidate_urls()], baud=baud, timeout_s=PATIENT_S)
-    urls = [_find(name, prefixes[name], ports) if name in prefixes else name for name in names]
+    found: dict[str, str] = {}
+    for name in names:
+        try:
+            found[name] = _find(name, prefixes[name], ports) if name in prefixes else name
+        except LinkError as error:
+            in_comb = comb and any(serial.startswith(prefixes[name]) for serial in comb.serials)
+            if missing is None or not in_comb or (name == names[-1] and not found):
+                raise
+            missing.append(str(error))
+    urls = tuple(found.values())
     for url in urls:
         if urls.count(url) > 1:
-            both = " and ".join(name for name, other in zip(names, urls, strict=True) if other == url)
+            both = " and ".join(name for name, other in found.items() if other == url)
             raise UsageError(f"{both} are one ribbon, on {url}: name it once")
-    return tuple(urls)
+    return urls
 
 
 def probe(names: Sequence[str], *, baud: int, comb: Comb | None = None) -> list[FoundPort]:

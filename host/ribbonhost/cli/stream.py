@@ -5,31 +5,25 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from ribbonhost import wire
 from ribbonhost.cli import forget_stdout
 from ribbonhost.cli.emulation import Emulation, emulate
-from ribbonhost.cli.naming import resolve
+from ribbonhost.cli.opening import Opened, calibrations_of, rate_of
 from ribbonhost.cli.options import StreamOptions
 from ribbonhost.cli.output import JsonOutput, OnReport, Output, TableOutput
 from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.viewing import TapeRecording, stream_page
 from ribbonhost.comb import Comb, load_comb
-from ribbonhost.device import Device, open_device
-from ribbonhost.device.calibration import read_calibration
-from ribbonhost.errors import DeviceError, LinkError, RibbonError, UsageError
+from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.link import ports_seen
 from ribbonhost.out import Facts
-from ribbonhost.pipeline.arrangement import arrange_comb, arrange_curves
-from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.header import header_of, recorded_ribbons
 from ribbonhost.pipeline.poses import MotionMode, is_mode
-from ribbonhost.pipeline.raw_link import why_not
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.pipeline.stream import Stream
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
@@ -38,7 +32,6 @@ from ribbonhost.record import Recorder, Tape
 if TYPE_CHECKING:
     from ribbonhost.view import View
 
-RATE_HZ = 100
 RIBBONS = 5
 
 
@@ -61,7 +54,7 @@ def _stream(
     with ExitStack() as stack:
         stop = stack.enter_context(stop_on_signals())
         emulation: Emulation | None = None
-        urls: Sequence[str] = resolve(options.urls or (), baud=options.baud, comb=comb)
+        names: Sequence[str] = options.urls or ()
         if options.emulate is not None:
             emulation = stack.enter_context(
                 emulate(
@@ -72,7 +65,7 @@ def _stream(
                     disturb=options.disturb or (),
                 )
             )
-            comb, urls = emulation.comb, emulation.urls
+            comb, names = emulation.comb, emulation.urls
         recorder: Recorder | None = None
         view: View | None = None
 
@@ -86,24 +79,23 @@ def _stream(
         if options.record:
             recorder = _recorder(options, options.record, on_event)
         tape = Tape(recorder)
-        devices, channels = _open(urls, options.baud, output, tape)
+        opened = Opened(names, options.baud, comb, output, tape)
         stack.callback(tape.end)
-        for device in devices:
-            stack.callback(device.close)
-        arrangement = arrange_comb(devices, comb) if comb else arrange_curves(devices)
+        stack.callback(opened.close)
+        arrangement = opened.arrange(comb, awaits=options.reconnect)
         for note in arrangement.notes:
             output.note(note)
         for device in arrangement.unused:
             device.close()
-        rate_hz = _rate(options.rate_hz, arrangement.devices, output)
+        rate_hz = rate_of(options.rate_hz, arrangement.present, output)
         facts = Facts.of(arrangement, rate_hz=rate_hz, unix_offset_s=time.time() - time.monotonic())
         outs = stack.enter_context(feeding(options.out or (), facts, output, on_event))
         records = options.record is not None or options.view
-        calibrations = _calibrations(arrangement.devices, motion, rate_hz, output, all_of_them=records)
+        calibrations = calibrations_of(arrangement.present, motion, rate_hz, output, all_of_them=records)
         header = partial(
             header_of,
             arrangement,
-            channels,
+            opened.channels,
             comb=comb,
             rate_hz=rate_hz,
             method=method,
@@ -128,7 +120,11 @@ def _stream(
             on_solved=consumers,
             reconnect=options.reconnect,
             motion=motion,
-            calibrations=calibrations,
+            calibrations=calibrations if records or motion != "off" else None,
+            named=opened.absent,
+            on_joined=lambda device: tape.describe(
+                recorded_ribbons(arrangement, opened.channels, calibrations)
+            ),
         )
         if recorder:
             recorder.start(header())
@@ -226,78 +222,6 @@ def _recorder(options: StreamOptions, path: Path, on_event: Callable[[str, str],
         rotate_s=options.rotate_s,
         on_event=on_event,
     )
-
-
-def _open(
-    urls: Sequence[str], baud: int, output: Output, tape: Tape
-) -> tuple[list[Device], dict[Device, int]]:
-    """Opens all ports at once; also the number of each device in a recording.
-
-    One that fails is noted and left out; raises RibbonError if all fail.
-    """
-    devices, failures = [], []
-    channels: dict[Device, int] = {}
-    with ThreadPoolExecutor(len(urls)) as pool:
-        taps = [tape.tap() for _ in urls]
-        attempts = [
-            pool.submit(open_device, url, baud=baud, observer=tap)
-            for url, tap in zip(urls, taps, strict=True)
-        ]
-    for channel, attempt in enumerate(attempts):
-        error = attempt.exception()
-        if error is None:
-            devices.append(attempt.result())
-            channels[devices[-1]] = channel
-        elif isinstance(error, DeviceError | LinkError) and len(urls) > 1:
-            failures.append(error)
-            output.note(str(error))
-        else:
-            for device in devices:
-                device.close()
-            raise error
-    if not devices:
-        raise RibbonError(f"none of the {len(failures)} ports has a ribbon")
-    for device in devices:
-        if not device.same_schema and device.info:
-            output.note(
-                f"{device.name} speaks wire version {device.info.wire_version} with another schema: "
-                "what this ribbonhost does not know is skipped and counted"
-            )
-    return devices, channels
-
-
-def _calibrations(
-    devices: Sequence[Device], motion: MotionMode, rate_hz: int, output: Output, *, all_of_them: bool
-) -> dict[str, wire.Calibration]:
-    """The calibration records, by serial number, of all devices whose motion can be estimated, or of all.
-
-    One that cannot be read is noted.
-    """
-    records: dict[str, wire.Calibration] = {}
-    devices = [d for d in devices if all_of_them or (motion != "off" and not why_not(d, rate_hz))]
-    if not devices:
-        return records
-    with ThreadPoolExecutor(len(devices)) as pool:
-        attempts = {device: pool.submit(read_calibration, device) for device in devices}
-    for device, attempt in attempts.items():
-        try:
-            records[device.serial] = attempt.result().values
-        except (DeviceError, LinkError, wire.WireError) as error:
-            output.note(f"{error}: it is taken as not calibrated")
-    return records
-
-
-def _rate(wanted_hz: int | None, devices: Sequence[Device], output: Output) -> int:
-    slowest = min(devices, key=lambda device: device.info.rate_max_hz if device.info else 0)
-    assert slowest.info is not None  # a device that was opened has answered
-    limit_hz = slowest.info.rate_max_hz
-    if wanted_hz is None:
-        if limit_hz < RATE_HZ:
-            output.note(f"{slowest.name} scans at most {limit_hz} times a second: all do")
-        return min(RATE_HZ, limit_hz)
-    if wanted_hz > limit_hz:
-        raise UsageError(f"--rate {wanted_hz}: {slowest.name} scans at most {limit_hz} times a second")
-    return wanted_hz
 
 
 @contextmanager

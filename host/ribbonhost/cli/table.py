@@ -103,15 +103,17 @@ def summary_of(report: Report) -> str:
         )
     text += "."
     for ribbon in report.ribbons:
-        if ribbon.times_gone:
+        if ribbon.state == "absent":
+            text += f"\n{ribbon.label}: it never joined."
+        elif ribbon.times_gone:
             times = "once" if ribbon.times_gone == 1 else f"{ribbon.times_gone} times"
-            text += f"\n{ribbon.label}: its port was gone {times}, {ribbon.gone_s:.1f} s in all."
+            text += f"\n{ribbon.label}: it was gone {times}, {ribbon.gone_s:.1f} s in all."
     return text
 
 
 def _state(ribbon: RibbonReport) -> Text:
-    if ribbon.state == "gone":
-        return Text(f"gone {ribbon.gone_s:.0f} s", "red")
+    if ribbon.state in ("gone", "absent"):
+        return Text(f"{ribbon.state} {ribbon.gone_s:.0f} s", "red")
     if ribbon.level_per_s > 0.5 * ribbon.frames_per_s:
         return Text("level", "yellow")  # its motion is to be estimated, and is not
     return STATES[ribbon.state]

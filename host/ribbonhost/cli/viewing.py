@@ -69,7 +69,10 @@ def stream_page(
     recording: TapeRecording,
 ) -> AbstractContextManager["View"]:
     """The page of a stream. truth: whether it is known where the nodes truly are."""
-    calibrated = [_calibrated(place.device) if place.device else "" for place in arrangement.places]
+    calibrated = [
+        _calibrated(place.device) if place.device and place.device.info else ""
+        for place in arrangement.places
+    ]
     return _serving(
         tell,
         lambda view: view(

@@ -59,9 +59,10 @@ class Device:
         absences: when its link was gone.
     """
 
-    def __init__(self, link: Link, observer: Observer | None = None) -> None:
-        """`observer` is told of all traffic from now on."""
+    def __init__(self, link: Link, observer: Observer | None = None, *, serial: str = "") -> None:
+        """`observer` is told of all traffic from now on. serial: its serial number, if it is known."""
         self.link = link
+        self._expected_serial = serial
         self._observer = observer
         self._order = observer.order if observer else threading.Lock()
         self._spoiled = (0, 0)
@@ -94,8 +95,8 @@ class Device:
 
     @property
     def serial(self) -> str:
-        """Its serial number: 24 hexadecimal digits; empty before the handshake."""
-        return bytes(self.info.unique_id).hex() if self.info else ""
+        """Its serial number: 24 hexadecimal digits; before the handshake what it is known to be, or empty."""
+        return bytes(self.info.unique_id).hex() if self.info else self._expected_serial
 
     @property
     def rate_hz(self) -> float:

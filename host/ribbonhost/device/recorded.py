@@ -4,35 +4,15 @@ import threading
 
 from ribbonhost import wire
 from ribbonhost.device.device import Device, _Pending
+from ribbonhost.device.no_link import NoLink
 from ribbonhost.errors import LinkLostError
-from ribbonhost.link import Link, OnBytes, OnLost
-
-
-class _NoPort:
-    """A port that nobody reads or writes."""
-
-    in_waiting = 0
-
-    def read(self, size: int = 1, /) -> bytes:
-        raise EOFError("a recording has no port")
-
-    def write(self, data: bytes, /) -> int:
-        raise OSError("a recording takes no bytes")
-
-    def close(self) -> None:
-        pass
-
-
-class _NoLink(Link):
-    def start(self, on_bytes: OnBytes, on_lost: OnLost) -> None:
-        pass
 
 
 class RecordedDevice(Device):
     """Takes what an Observer was told, in the same order, in one thread; says what the device said."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(_NoLink(_NoPort(), name))
+        super().__init__(NoLink(name))
 
     def send_again(self, packet: bytes) -> None:
         """What the host sent to it then. Raises WireError for a packet that is none."""

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 
 from ribbonhost import wire
@@ -28,27 +29,8 @@ def header_of(
 
     channels: the number of each device in it. calibrations: the records that were read, by serial number.
     """
-    ribbons = []
-    for place in arrangement.places:
-        info = place.device.info if place.device else None
-        if place.device is None or info is None:
-            ribbons.append(RecordedRibbon(place.label, place.serial, None))
-            continue
-        ribbons.append(
-            RecordedRibbon(
-                label=place.label,
-                serial=place.serial,
-                channel=channels[place.device],
-                port=place.device.name,
-                node_count=info.node_count,
-                pitch_m=info.pitch_m,
-                firmware=".".join(str(number) for number in info.firmware_version),
-                calibration=(info.calibration_sequence, info.calibration_crc32),
-                calibration_record=used.pack() if (used := calibrations.get(place.serial)) else b"",
-            )
-        )
     return Header(
-        ribbons=tuple(ribbons),
+        ribbons=recorded_ribbons(arrangement, channels, calibrations),
         comb=comb.to_toml() if comb else "",
         rate_hz=rate_hz,
         method=method,
@@ -58,3 +40,29 @@ def header_of(
         wire_version=wire.WIRE_VERSION,
         schema_hash=wire.SCHEMA_HASH,
     )
+
+
+def recorded_ribbons(
+    arrangement: Arrangement, channels: Mapping[Device, int], calibrations: Mapping[str, wire.Calibration]
+) -> tuple[RecordedRibbon, ...]:
+    """What the header says of the ribbons, as it is known now; see header_of."""
+    ribbons = []
+    for place in arrangement.places:
+        device = place.device
+        ribbon = RecordedRibbon(
+            label=place.label,
+            serial=place.serial,
+            channel=channels[device] if device else None,
+            node_count=place.node_count,
+            pitch_m=place.pitch_m,
+        )
+        if device and (info := device.info):
+            ribbon = replace(
+                ribbon,
+                port=device.name,
+                firmware=".".join(str(number) for number in info.firmware_version),
+                calibration=(info.calibration_sequence, info.calibration_crc32),
+                calibration_record=used.pack() if (used := calibrations.get(place.serial)) else b"",
+            )
+        ribbons.append(ribbon)
+    return tuple(ribbons)

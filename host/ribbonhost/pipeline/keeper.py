@@ -21,6 +21,8 @@ TICK_S = 0.02
 AGAIN_S = 1.0
 """So long after a device could not be set up again it is tried once more."""
 
+TOO_LATE = "its motion is not estimated: that takes its calibration from the start, so begin the stream again"
+
 
 class Keeper:
     """Talks to the devices of a stream, on a thread of its own once started.
@@ -36,23 +38,28 @@ class Keeper:
         on_event: Callable[[Device, str], None],
         *,
         raw: bool = False,
+        on_joined: Callable[[Device], None] = lambda device: None,
     ) -> None:
         """`on_event` is told, in any thread, what happened to which device. raw: let those that can send RAW
-        beside ORIENT."""
+        beside ORIENT. Devices that have not said who they are yet are set up when they have a link, without
+        RAW, for which they come too late; `on_joined` is told."""
         self.aligner = ScanAligner(rate_hz)
         self._tell = on_event
-        self._devices = list(devices)
+        self._on_joined = on_joined
+        self._absent = {device for device in devices if device.info is None}
+        self._devices = [device for device in devices if device not in self._absent]
         self._rate_hz = rate_hz
         self._restarts: dict[Device, int] = {}
         self._again_due_s = dict.fromkeys(devices, 0.0)
         self._ping_due_s = dict.fromkeys(devices, 0.0)
         self._mute: set[Device] = set()
-        self._drops = {device: DropWatch() for device in devices} if raw else {}
+        self._raw = raw
+        self._drops = {device: DropWatch() for device in self._devices} if raw else {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
 
     def prepare(self) -> dict[Device, DeviceError | LinkError]:
-        """Makes all devices scan at the rate, quietly and together; returns those that cannot, and why."""
+        """Makes all that are there scan at the rate, quietly and together; returns which cannot, and why."""
         failed: dict[Device, DeviceError | LinkError] = {}
 
         def for_all(act: Callable[[Device], object]) -> None:
@@ -74,11 +81,11 @@ class Keeper:
             for_all(lambda device: None if device.clock.synced else device.ping())
             time.sleep(FAST_PING_S)
         for_all(_require_sync)
-        for device in list(self._drops):
-            if device not in failed and (why := why_not(device, self._rate_hz)):
+        self._devices = [device for device in self._devices if device not in failed]
+        for device in self._devices:
+            if device in self._drops and (why := why_not(device, self._rate_hz)):
                 del self._drops[device]
                 self._tell(device, why)
-        self._devices = [device for device in self._devices if device not in failed]
         self._restarts = {device: device.clock.restarts for device in self._devices}
         self._align()
         return failed
@@ -92,6 +99,8 @@ class Keeper:
             except (DeviceError, LinkError) as error:
                 failed[device] = error
         self._devices = [device for device in self._devices if device not in failed]
+        self._devices += self._absent
+        self._restarts |= {device: device.clock.restarts for device in self._absent}
         self._thread.start()
         return failed
 
@@ -142,17 +151,26 @@ class Keeper:
     def _set_up_again(self, device: Device) -> None:
         restarts = device.clock.restarts
         self.aligner.free_running.pop(device, None)
+        joins = device in self._absent
+        why = "it was absent" if joins else "its clock started anew"
         try:
+            if joins:
+                device.handshake()
             device.command(wire.CommandCode.SET_RATE, self._rate_hz)
             device.command(wire.CommandCode.SET_MODE, self._mode(device))
         except LinkLostError:
             pass  # which is told already
         except (DeviceError, LinkError) as error:
             self._again_due_s[device] = time.monotonic() + AGAIN_S
-            self._tell(device, f"its clock started anew, and it cannot be set up again: {error}")
+            self._tell(device, f"{why}, and it cannot be set up{'' if joins else ' again'}: {error}")
         else:
             self._restarts[device] = restarts
-            self._tell(device, "its clock started anew, and it is set up again")
+            self._absent.discard(device)
+            if joins:
+                self._tell(device, f"has joined; {TOO_LATE}" if self._raw else "has joined")
+                self._on_joined(device)
+            else:
+                self._tell(device, f"{why}, and it is set up again")
 
     def _mode(self, device: Device) -> int:
         return int(wire.Mode.ORIENT | wire.Mode.RAW if device in self._drops else wire.Mode.ORIENT)

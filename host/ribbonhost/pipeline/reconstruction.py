@@ -190,7 +190,7 @@ class Reconstruction:
         if device is None or has_failed:
             state = "missing"
         elif device.lost:
-            state = "gone"
+            state = "gone" if device.info else "absent"
         else:
             state = "streaming" if live else "silent"
         return RibbonReport(

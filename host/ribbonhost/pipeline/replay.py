@@ -17,7 +17,7 @@ from ribbonhost.pipeline.smoothing import Progress, SmoothedPoses
 from ribbonhost.pipeline.solving import OnSolved
 from ribbonhost.reconstruct import CombLayout
 from ribbonhost.reconstruct.comb import METHODS, Method, is_method
-from ribbonhost.record import Back, Event, Item, Lost, Received, Recording, Sent, Spoiled
+from ribbonhost.record import Back, Event, Header, Item, Lost, Received, Recording, Sent, Spoiled
 from ribbonhost.record.layout import COUNTING
 from ribbonhost.wire import WireError
 
@@ -55,8 +55,8 @@ class Replay:
         that were recorded; they change what motion is estimated from, not what `off` shows.
         Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
         """
-        header = recordings[0].header
-        calibrations = _recorded_calibrations(recordings[0]) | dict(calibrations)
+        header = recordings[-1].header  # of a ribbon that joined the later parts know more
+        calibrations = _recorded_calibrations(recordings[-1]) | dict(calibrations)
         self.damaged = 0
         self.t_zero_s = recordings[0].t_zero_s
         self.t_s = 0.0
@@ -68,14 +68,14 @@ class Replay:
         self._recordings = recordings
         self._on_event = on_event
         for recording in recordings[1:]:
-            if [ribbon.serial for ribbon in recording.header.ribbons] != [r.serial for r in header.ribbons]:
+            if not _same_ribbons(recording.header, header):
                 raise RecordingError(f"{recording.path} is of other ribbons than {recordings[0].path}")
         self._devices = {
             ribbon.channel: RecordedDevice(ribbon.port)
             for ribbon in header.ribbons
             if ribbon.channel is not None
         }
-        self.arrangement = self._arrangement(recordings[0])
+        self.arrangement = self._arrangement(recordings[-1])
         # What it would say of silent ribbons was said in the stream, and recorded.
         self._reconstruction = Reconstruction(
             self.arrangement,
@@ -200,6 +200,14 @@ class Replay:
         if [place.serial for place in places] != list(comb.serials):
             raise RecordingError(f"{recording.path} has other ribbons than its comb")
         return Arrangement(places, layout, (), ())
+
+
+def _same_ribbons(header: Header, other: Header) -> bool:
+    """Whether two parts may be of one recording; the serial number of one that is absent may be open."""
+    pairs = zip(header.ribbons, other.ribbons, strict=False)
+    return len(header.ribbons) == len(other.ribbons) and all(
+        one.serial == two.serial or "" in (one.serial, two.serial) for one, two in pairs
+    )
 
 
 def _method(recording: Recording) -> Method:

@@ -15,8 +15,9 @@ class RibbonReport:
     """One ribbon.
 
     Attributes:
-        state: "streaming", "silent", "missing" (never there, or given up), or "gone" (its port vanished).
-        times_gone, gone_s: how often and for how long its port was gone.
+        state: "streaming", "silent", "absent" (not there yet, and looked for), "missing" (not there, or given
+            up), or "gone" (its port vanished).
+        times_gone, gone_s: how often and for how long its port was gone, or it not there yet.
         frames_per_s: over the last interval.
         motion: what became of its scans where motion is estimated; None where it is not.
         level_per_s: of these, those without an estimate, over the last interval.
@@ -170,7 +171,7 @@ class Report:
         counters = [ribbon.counters for ribbon in self.ribbons]
         return {
             "summary": {
-                "ribbons": sum(ribbon.state != "missing" for ribbon in self.ribbons),
+                "ribbons": sum(ribbon.state not in ("missing", "absent") for ribbon in self.ribbons),
                 "rate_hz": self.rate_hz,
                 "frames": sum(c.frames for c in counters),
                 "lost": sum(c.lost for c in counters),

@@ -3,16 +3,18 @@
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from ribbonhost import wire
 from ribbonhost.device import Device, Scan, Seeker
 from ribbonhost.errors import LinkLostError, RibbonError
-from ribbonhost.pipeline.arrangement import Arrangement
+from ribbonhost.pipeline.arrangement import REFERENCE_ABSENT, Arrangement
 from ribbonhost.pipeline.estimating import source_of
+from ribbonhost.pipeline.joining import Admission
 from ribbonhost.pipeline.keeper import Keeper
 from ribbonhost.pipeline.poses import MotionMode
-from ribbonhost.pipeline.readings import NO_CALIBRATIONS, Calibrations
+from ribbonhost.pipeline.readings import NO_CALIBRATIONS
 from ribbonhost.pipeline.reconstruction import Reconstruction
 from ribbonhost.pipeline.report import Report
 from ribbonhost.pipeline.solving import OnSolved, Truth
@@ -52,13 +54,21 @@ class Stream:
         on_solved: Iterable[OnSolved] = (),
         reconnect: bool = False,
         motion: MotionMode = "off",
-        calibrations: Calibrations = NO_CALIBRATIONS,
+        calibrations: dict[str, wire.Calibration] | None = None,
+        named: Sequence[str] = (),
+        on_joined: Callable[[Device], None] = lambda device: None,
     ) -> None:
         """`on_event` is told, in any thread, what happened to which ribbon; each of `on_solved` each
-        frame, in the thread that reconstructs. reconnect: look for ribbons whose ports vanish.
-        motion, calibrations: see source_of; the devices are asked for RAW where motion is estimated."""
+        frame, in the thread that reconstructs. reconnect: look for ribbons that are absent or whose ports
+        vanish; named: see Seeker. on_joined: told, in any thread, which absent one was set up.
+        motion, calibrations: see source_of; the devices are asked for RAW where motion is estimated. Those of
+        ribbons that join are read and added, unless it is None, for a recording's header."""
         self._places = arrangement.places
         self._on_event = on_event
+        self._named = named
+        self._admission = Admission(
+            arrangement, rate_hz, calibrations, lambda device, what: on_event(self._labels[device], what)
+        )
         self._reconstruction = Reconstruction(
             arrangement,
             rate_hz=rate_hz,
@@ -67,7 +77,11 @@ class Stream:
             on_event=on_event,
             on_solved=on_solved,
             source_of=source_of(
-                motion, arrangement, rate_hz=rate_hz, calibrations=calibrations, on_event=on_event
+                motion,
+                arrangement,
+                rate_hz=rate_hz,
+                calibrations=NO_CALIBRATIONS if calibrations is None else calibrations,
+                on_event=on_event,
             ),
         )
         self._labels = {place.device: place.label for place in self._places if place.device}
@@ -77,6 +91,7 @@ class Stream:
             rate_hz,
             lambda device, what: on_event(self._labels[device], what),
             raw=motion != "off",
+            on_joined=on_joined,
         )
         self._reconnect = reconnect
         self._seeker: Seeker | None = None
@@ -93,7 +108,7 @@ class Stream:
         Nodes that stay invalid delay the count for SETTLE_S, then they are counted. A device that cannot be
         set up is reported to `on_event` and left out. `stop`, once set, cuts the waiting short.
 
-        Raises RibbonError if no device can be set up, or, in a comb, the reference cannot.
+        Raises RibbonError if no device that is there can be set up, or, in a comb, the reference cannot.
         """
         self._leave_out(self._keeper.prepare())
         for index, place in enumerate(self._places):
@@ -103,8 +118,14 @@ class Stream:
         self._thread.start()
         self._leave_out(self._keeper.start())
         if self._reconnect:
-            there = [device for device in self._labels if device not in self._failed]
-            self._seeker = Seeker(there, self._welcome)
+            kept = [device for device in self._labels if device not in self._failed]
+            self._seeker = Seeker(
+                kept,
+                self._welcome,
+                named=self._named,
+                admit=self._admission.admit,
+                on_refused=self._refuse,
+            )
             self._seeker.start()
         self._settle(stop or threading.Event())
         self._reconstruction.start_counting(sum(self._dropped))
@@ -125,11 +146,16 @@ class Stream:
     @property
     def over(self) -> str:
         """Why nothing more can come, unless a ribbon comes back; empty while something can."""
-        if self._reconstruction.is_comb and (device := self._places[0].device) and device.lost:
-            return f"the reference ribbon is gone: {device.lost}"
-        if all(device.lost or device in self._failed for device in self._labels):
+        if self._is_alone:
             return "no ribbon is left"
+        if self._reconstruction.is_comb and (device := self._places[0].device) and device.lost:
+            gone = "gone" if device.info else "absent"
+            return f"the reference ribbon is {gone}: {device.lost}; meanwhile {REFERENCE_ABSENT}"
         return ""
+
+    @property
+    def _is_alone(self) -> bool:
+        return all(device.lost or device in self._failed for device in self._labels)
 
     def report(self) -> Report:
         """What happened since the count began; rates are over the time since the report before."""
@@ -143,7 +169,7 @@ class Stream:
                 raise error
             self._failed.add(device)
             self._on_event(self._labels[device], f"is left out: {error}")
-            if len(self._failed) == len(self._labels):
+            if all(other in self._failed or other.info is None for other in self._labels):
                 raise error
 
     def _taker(self, index: int) -> Callable[[Scan], None]:
@@ -169,10 +195,13 @@ class Stream:
     def _welcome(self, device: Device, away_s: float) -> None:
         self._on_event(self._labels[device], f"is back on {device.name} after {away_s:.1f} s")
 
+    def _refuse(self, device: Device | None, why: str) -> None:
+        self._on_event(self._labels[device] if device else "stream", why)
+
     def _settle(self, stop: threading.Event) -> None:
         deadline_s = time.monotonic() + SETTLE_S
-        devices = [device for device in self._labels if device not in self._failed]
-        while time.monotonic() < deadline_s and not stop.is_set() and not self.over:
+        devices = [device for device in self._labels if device not in self._failed and not device.lost]
+        while time.monotonic() < deadline_s and not stop.is_set() and not self._is_alone:
             before = {device: device.counters() for device in devices}
             stop.wait(SETTLED_S)
             news = [device.counters() - before[device] for device in devices]

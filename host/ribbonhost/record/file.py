@@ -94,6 +94,11 @@ class RecordingFile:
             os.unlink(path)
             raise
 
+    def describe(self, header: Header) -> None:
+        """Says anew what the recording is; its channels stay as they are."""
+        self.header = header
+        self._writer.add_metadata(HEADER, header.to_metadata())
+
     @property
     def length(self) -> int:
         """Bytes so far."""

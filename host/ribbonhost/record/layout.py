@@ -24,7 +24,8 @@ from ribbonhost.errors import RecordingError
 PROFILE = "ribbonhost"
 VERSION = 1
 HEADER = "ribbonhost"
-"""Name of the metadata record of the header; later records of the name replace earlier ones."""
+"""Name of the metadata record of the header; later records of the name replace earlier ones: one is
+written when a ribbon that was absent joins."""
 
 EVENTS = "/events"
 KINDS = ("received", "sent", "spoiled", "lost", "back")
@@ -56,8 +57,8 @@ class RecordedRibbon:
     Attributes:
         label: what it was called.
         serial: its serial number; node_count, pitch_m: as its INFO said.
-        channel: number in the names of its channels; None if it was not there.
-        port: what was typed to open it.
+        channel: number in the names of its channels; None if it was neither there nor awaited.
+        port: what was opened.
         firmware: its version.
         calibration: number and CRC-32 of the calibration that it used; number 0: none.
         calibration_record: its calibration record; empty if it was not read.
@@ -72,6 +73,11 @@ class RecordedRibbon:
     firmware: str = ""
     calibration: tuple[int, int] = (0, 0)
     calibration_record: bytes = b""
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether it was awaited and had not said who it is when the header was written."""
+        return self.channel is not None and not self.firmware
 
     def to_json(self) -> dict[str, object]:
         """All of it, as in the header."""

@@ -111,10 +111,12 @@ class RecordReader:
         share: how much of the file has been read, 0 to 1.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, chunks: bool = True) -> None:
+        """chunks: whether to read what is in chunks: messages and their channels."""
         self.damaged = 0
         self.share = 0.0
         self._path = path
+        self._chunks = chunks
 
     def __iter__(self) -> Iterator[McapRecord]:
         """Ends where the file does, or where it makes no sense any more. Raises RecordingError for a file
@@ -130,6 +132,9 @@ class RecordReader:
                 if length > RECORD_BYTES_MAX or opcode in (0, Opcode.DATA_END, Opcode.FOOTER):
                     self.damaged += opcode not in (Opcode.DATA_END, Opcode.FOOTER)
                     return
+                if opcode == Opcode.CHUNK and not self._chunks:
+                    file.seek(length, os.SEEK_CUR)
+                    continue
                 content = file.read(length)
                 if len(content) < length:
                     return
@@ -211,15 +216,19 @@ class Recording:
             self.damaged = reader.damaged + bad
 
     def _read_header(self) -> Header:
-        for record in RecordReader(self.path):
+        """The latest: what follows the first is only looked for where a ribbon may have joined."""
+        header: Header | None = None
+        for record in RecordReader(self.path, chunks=False):
             if isinstance(record, Metadata) and record.name == HEADER:
                 try:
-                    return Header.from_metadata(record.metadata)
+                    header = Header.from_metadata(record.metadata)
                 except RecordingError as error:
                     raise RecordingError(f"{self.path} {error}") from error
-            if isinstance(record, Message):
-                break
-        raise RecordingError(f"{self.path} is an MCAP file, but not a recording of ribbonhost")
+                if not any(ribbon.is_absent for ribbon in header.ribbons):
+                    break
+        if header is None:
+            raise RecordingError(f"{self.path} is an MCAP file, but not a recording of ribbonhost")
+        return header
 
     def _find_zero(self) -> float:
         if self.header.t_zero_ns is not None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from ribbonhost import wire
 from ribbonhost.errors import RecordingError, UsageError
 from ribbonhost.record.file import RecordingFile
-from ribbonhost.record.layout import COUNTING, KINDS, Header, nanoseconds
+from ribbonhost.record.layout import COUNTING, KINDS, Header, RecordedRibbon, nanoseconds
 
 QUEUE_ITEMS = 50_000
 """Messages that may wait for the disk, more than half a minute of six ribbons; further ones are given up."""
@@ -152,6 +152,7 @@ class Recorder:
         self._event_numbers = itertools.count(1)
         self._queue: queue.SimpleQueue[_ItemT] = queue.SimpleQueue()
         self._carried = Carried()
+        self._ribbons: tuple[RecordedRibbon, ...] = ()
         self._file: RecordingFile | None = None
         self._t_zero_ns: int | None = None
         self._warned = False
@@ -174,6 +175,10 @@ class Recorder:
             raise RecordingError(f"{self._part_path(1)} cannot be written: {error.strerror}") from error
         self._t_start_s = self._t_part_s = time.monotonic()
         self._thread.start()
+
+    def describe(self, ribbons: tuple[RecordedRibbon, ...]) -> None:
+        """Keeps what is known of the ribbons by now, as when one joined."""
+        self._ribbons = ribbons
 
     def event(self, label: str, what: str) -> None:
         """Keeps what happened to a ribbon."""
@@ -244,6 +249,9 @@ class Recorder:
     def _drain(self) -> None:
         file = self._file
         assert file is not None
+        ribbons = self._ribbons
+        if ribbons and ribbons != file.header.ribbons:
+            file.describe(replace(file.header, ribbons=ribbons))
         for _ in range(self._queue.qsize()):
             ribbon, kind, number, t_host_s, data = item = self._queue.get()
             t_ns = nanoseconds(t_host_s)

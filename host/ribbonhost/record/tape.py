@@ -2,7 +2,7 @@
 
 import threading
 
-from ribbonhost.record.layout import Header
+from ribbonhost.record.layout import Header, RecordedRibbon
 from ribbonhost.record.recorder import Carried, Recorder, Tap
 
 
@@ -54,6 +54,11 @@ class Tape:
             recorder, self.recorder = self.recorder, None
         if recorder:
             recorder.close()
+
+    def describe(self, ribbons: tuple[RecordedRibbon, ...]) -> None:
+        """Keeps what is known of the ribbons by now, as when one joined."""
+        if recorder := self.recorder:
+            recorder.describe(ribbons)
 
     def event(self, label: str, what: str) -> None:
         """Keeps what happened to a ribbon."""

@@ -12,7 +12,13 @@ from ribbonhost.pipeline.report import Report
 from ribbonhost.view.layout import Layout, Moment
 
 ROWS_MAX = 40
-DOTS = {"streaming": "#3fb950", "silent": "#d29922", "gone": "#f85149", "missing": "#f85149"}
+DOTS = {
+    "streaming": "#3fb950",
+    "silent": "#d29922",
+    "gone": "#f85149",
+    "absent": "#f85149",
+    "missing": "#f85149",
+}
 _HEAD = "text-align:right;padding:1px 5px;font-weight:500;opacity:0.7;white-space:nowrap"
 _CELL = "text-align:right;padding:1px 5px;white-space:nowrap"
 _LEFT = "text-align:left;padding:1px 5px;white-space:nowrap"
@@ -89,7 +95,7 @@ def _why_invalid(place: Place, node: int) -> str:
     if place.device is None:
         return "the ribbon is not there"
     if place.device.lost:
-        return "the ribbon's port is gone"
+        return "the ribbon's port is gone" if place.device.info else "the ribbon has not joined yet"
     if status is None:
         return "no sensor status came yet"
     found = []
