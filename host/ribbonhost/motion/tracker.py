@@ -120,15 +120,12 @@ class Tracker:
     def smoothed(self, first: int, last: int) -> Motion:
         """The motion at the kept samples [first, last), each from all samples kept."""
         count = self.count - first
-        known = min(count, last - first + COVARIANCE_AHEAD)
         states = ffi.new("struct ribbon_motion_state[]", count)
-        covariances = _new_uncleared(
-            f"double[][{lib.RIBBON_MOTION_MATRIX_MAX}][{lib.RIBBON_MOTION_MATRIX_MAX}]", known
-        )
-        steps = self._steps + 1 + first
-        lib.ribbon_motion_smooth(self._model, count, steps, states, covariances, known, self._work)
         nodes = ffi.new("struct ribbon_motion_nodes[]", last - first)
-        lib.ribbon_motion_outputs(self._model, last - first, states, covariances, nodes, self._work)
+        steps = self._steps + 1 + first
+        lib.ribbon_motion_smooth(
+            self._model, count, steps, states, nodes, last - first, COVARIANCE_AHEAD, self._work
+        )
         return self._motion(nodes, first, last)
 
     def smoothed_mean(self, index: int) -> Motion:
@@ -136,7 +133,7 @@ class Tracker:
         count = self.count - index
         states = ffi.new("struct ribbon_motion_state[]", count)
         steps = self._steps + 1 + index
-        lib.ribbon_motion_smooth(self._model, count, steps, states, ffi.NULL, 0, self._work)
+        lib.ribbon_motion_smooth(self._model, count, steps, states, ffi.NULL, 0, 0, self._work)
         nodes = ffi.new("struct ribbon_motion_nodes *")
         if steps[0].status != Status.WAITING:
             lib.ribbon_motion_output(self._model, states, steps[0].covariance, nodes, self._work)

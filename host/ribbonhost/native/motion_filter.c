@@ -161,8 +161,8 @@ static size_t weigh(size_t axes, size_t first, size_t last, size_t rows, struct 
     return outliers;
 }
 
-/* Correction of the prediction, and the whitened rows whose squares its covariance loses; false if that has lost
- * its sense. */
+/* Correction of the prediction, and the whitened rows whose squares its covariance loses; false if that has
+ * lost its sense. */
 static bool solve(const struct ribbon_motion_model *model, struct ribbon_motion_step *step,
                   struct motion_equations *equations, struct ribbon_motion_work *work) {
     size_t n = model->states, rows = equations->rows;

@@ -211,7 +211,7 @@ struct ribbon_motion_work {
     motion_columns across;
     motion_spread spread, whitener;
     double innovation[MOTION_ROW_MAX], solved[MOTION_ROW_MAX];
-    motion_matrix matrix[3];
+    motion_matrix matrix[4];
     double vector[2][RIBBON_MOTION_STATE_MAX];
 };
 

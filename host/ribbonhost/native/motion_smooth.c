@@ -7,15 +7,14 @@
  * leave a sphere around it, would claim no error at all across that sphere. */
 #define POSITION_FLOOR 1e-4
 
-/* covariance = P + P transpose(F) (I S I - I) F P, with P of the step, I the information predicted for the
- * step after and S the covariance smoothed there. */
+/* covariance, of the step after, becomes P + P transpose(F) (I covariance I - I) F P, with P of the step and
+ * I the information predicted for the step after. */
 static void smooth_covariance(const struct ribbon_motion_model *model, const struct motion_transition *f,
                               const struct ribbon_motion_step *step, motion_matrix information,
-                              motion_matrix smoothed_after, motion_matrix covariance,
-                              struct ribbon_motion_work *work) {
+                              motion_matrix covariance, struct ribbon_motion_work *work) {
     size_t n = model->states;
     motion_matrix *half = &work->matrix[0], *whole = &work->matrix[1];
-    motion_product(n, n, n, MOTION_VIEW(information), MOTION_VIEW(smoothed_after), MOTION_VIEW(*half));
+    motion_product(n, n, n, MOTION_VIEW(information), MOTION_VIEW(covariance), MOTION_VIEW(*half));
     motion_symmetric_product(n, *half, information, *whole);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++)
@@ -35,20 +34,20 @@ static void smooth_covariance(const struct ribbon_motion_model *model, const str
 
 void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
                           const struct ribbon_motion_step *steps, struct ribbon_motion_state *states,
-                          double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
-                          size_t covariance_count, struct ribbon_motion_work *work) {
+                          struct ribbon_motion_nodes *nodes, size_t node_count, size_t ahead,
+                          struct ribbon_motion_work *work) {
     size_t n = model->states, later = count; /* the next good step, `count`: none that is linked */
+    size_t covered = node_count > 0 ? node_count + ahead : 0;
     double *d = work->vector[0], *v = work->vector[1];
-    motion_matrix *information = &work->matrix[2];
+    motion_matrix *information = &work->matrix[2], *covariance = &work->matrix[3];
     for (size_t k = count; k-- > 0;) {
         const struct ribbon_motion_step *step = &steps[k];
         if (step->status == RIBBON_MOTION_WAITING)
             continue;
         states[k] = step->state;
-        if (covariances && k < covariance_count)
-            memcpy(covariances[k], step->covariance, sizeof step->covariance);
-        if (later < count &&
-            motion_invert(n, steps[later].predicted_covariance, *information, work->matrix[0])) {
+        bool linked = later < count &&
+                      motion_invert(n, steps[later].predicted_covariance, *information, work->matrix[0]);
+        if (linked) {
             const struct ribbon_motion_state *predicted = &steps[later].predicted;
             struct motion_transition f;
             motion_transition(model, &step->state, predicted, &f);
@@ -57,9 +56,13 @@ void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
             motion_backward(model, &f, v);
             motion_apply(n, step->covariance, v, d);
             motion_add(model, &step->state, d, &states[k]);
-            if (covariances && later < covariance_count)
-                smooth_covariance(model, &f, step, *information, covariances[later], covariances[k], work);
+            if (later < covered)
+                smooth_covariance(model, &f, step, *information, *covariance, work);
         }
+        if (k < covered && !(linked && later < covered))
+            memcpy(*covariance, step->covariance, sizeof(motion_matrix));
+        if (k < node_count)
+            ribbon_motion_output(model, &states[k], *covariance, &nodes[k], work);
         later = step->status == RIBBON_MOTION_STARTED ? count : k;
     }
 }

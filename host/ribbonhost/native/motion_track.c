@@ -140,14 +140,6 @@ int ribbon_motion_run(struct ribbon_motion_tracker *t, size_t count,
     return 0;
 }
 
-void ribbon_motion_outputs(const struct ribbon_motion_model *model, size_t count,
-                           const struct ribbon_motion_state *states,
-                           const double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
-                           struct ribbon_motion_nodes *nodes, struct ribbon_motion_work *work) {
-    for (size_t i = 0; i < count; i++)
-        ribbon_motion_output(model, &states[i], covariances ? covariances[i] : NULL, &nodes[i], work);
-}
-
 void ribbon_motion_step_outputs(const struct ribbon_motion_model *model, size_t count,
                                 const struct ribbon_motion_step *steps, struct ribbon_motion_nodes *nodes,
                                 struct ribbon_motion_work *work) {

@@ -205,13 +205,14 @@ int ribbon_motion_advance(const struct ribbon_motion_model *model, const struct 
 
 /* Fixed-interval smoothing (Rauch, Tung, Striebel) of `count` steps, from the last to the first; a step whose
  * status is RIBBON_MOTION_STARTED learns nothing for those before it.
- *  1. states: (count). covariances: (covariance_count) of the first smoothed states, null: none; the last of
- *     them knows nothing of later steps, and some thirty before it little.
- *  2. Steps whose status is RIBBON_MOTION_WAITING hold nothing, and their results neither. */
+ *  1. states: (count). nodes: (node_count) of the first of them, with covariances from all that follow up to
+ *     `ahead` steps after the last of these: some thirty later ones hardly matter.
+ *  2. Steps whose status is RIBBON_MOTION_WAITING hold nothing, and their states neither; their nodes are
+ * left alone. */
 void ribbon_motion_smooth(const struct ribbon_motion_model *model, size_t count,
                           const struct ribbon_motion_step *steps, struct ribbon_motion_state *states,
-                          double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
-                          size_t covariance_count, struct ribbon_motion_work *work);
+                          struct ribbon_motion_nodes *nodes, size_t node_count, size_t ahead,
+                          struct ribbon_motion_work *work);
 
 /* Nodes of a state. covariance: of the state, null: sigma_rad and position_covariance_m2 become NaN. */
 void ribbon_motion_output(const struct ribbon_motion_model *model, const struct ribbon_motion_state *state,
@@ -261,12 +262,6 @@ int ribbon_motion_track(struct ribbon_motion_tracker *tracker, const struct ribb
 int ribbon_motion_run(struct ribbon_motion_tracker *tracker, size_t count,
                       const struct ribbon_motion_sample *samples, struct ribbon_motion_step *steps,
                       struct ribbon_motion_work *work);
-
-/* Nodes of `count` states; covariances: null, or one a state. */
-void ribbon_motion_outputs(const struct ribbon_motion_model *model, size_t count,
-                           const struct ribbon_motion_state *states,
-                           const double (*covariances)[RIBBON_MOTION_MATRIX_MAX][RIBBON_MOTION_MATRIX_MAX],
-                           struct ribbon_motion_nodes *nodes, struct ribbon_motion_work *work);
 
 /* Nodes of the states of `count` steps, not smoothed. Those of a waiting step hold nothing. */
 void ribbon_motion_step_outputs(const struct ribbon_motion_model *model, size_t count,
