@@ -1,6 +1,5 @@
 """An emulated comb that is streamed and recorded in virtual time: the same each time, and quick."""
 
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +11,6 @@ from ribbonhil.truth import Field, comb_truth
 from ribbonhost import wire
 from ribbonhost.comb import Comb, CombRibbon
 from ribbonhost.device import Device
-from ribbonhost.device.device import _Pending
 from ribbonhost.errors import LinkLostError
 from ribbonhost.framing import encode_frame
 from ribbonhost.link import Link
@@ -134,7 +132,7 @@ def stream_virtually(
     recorder.start(header_of(arrangement, channels, comb=comb, rate_hz=RATE_HZ, method=method, motion=motion))
     for device in devices:
         mode = wire.Mode.ORIENT if motion == "off" else wire.Mode.ORIENT | wire.Mode.RAW
-        device._pending[9] = _Pending(threading.Event(), wire.CommandCode.SET_MODE)
+        device._questions.ask(9, wire.CommandCode.SET_MODE)
         device._send_command(9, wire.CommandCode.SET_MODE, int(mode), b"")
     pass_time(0.5)
     solved.clear()

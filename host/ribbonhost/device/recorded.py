@@ -1,9 +1,7 @@
 """A device of which only a recording is there: used by the same code as one on a link."""
 
-import threading
-
 from ribbonhost import wire
-from ribbonhost.device.device import Device, _Pending
+from ribbonhost.device.device import Device
 from ribbonhost.device.no_link import NoLink
 from ribbonhost.errors import LinkLostError
 
@@ -17,9 +15,9 @@ class RecordedDevice(Device):
     def send_again(self, packet: bytes) -> None:
         """What the host sent to it then. Raises WireError for a packet that is none."""
         message, _ = wire.decode(packet)
-        self._expect_answer(message)
+        self._questions.sent(message)
         if isinstance(message, wire.Command):
-            self._pending.setdefault(message.tag, _Pending(threading.Event(), message.command))
+            self._questions.ask(message.tag, message.command)
 
     def spoil(self, crc_errors: int, malformed: int) -> None:
         """How many frames were no packets until then."""
