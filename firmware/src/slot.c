@@ -204,6 +204,7 @@ static void take_new(struct slot *slot, const struct part *part, const struct sl
                               : slot->same_count >= STUCK_SAMPLES && now_us - slot->change_us > STUCK_US;
     if (is_stuck) {
         slot->reason = WIRE_SLOT_REASON_STUCK;
+        slot->change_us = now_us - STUCK_US - 1u; /* the clock wraps in 71 minutes, and it stays stuck */
     } else if (sample->is_saturated) {
         slot->reason = WIRE_SLOT_REASON_SATURATED;
     } else if (!part->has_polarity ||

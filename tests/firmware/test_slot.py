@@ -206,6 +206,22 @@ def test_samples_that_repeat_are_stuck(index):
     assert b.run(0.3)[-1] == SlotReason.OK
 
 
+def test_part_that_is_stuck_for_long_stays_so_when_the_clock_wraps():
+    """After 71.6 minutes the last change seems to have been just now."""
+    part = Part(LIS2DW12)
+    b = bench(part)
+    b.run(0.5)
+    frozen = part.sample()
+    part.burst = lambda: frozen
+    b.run(1.0)
+    assert b.slot.reason == SlotReason.STUCK
+    reasons = set()
+    for _ in range(17_400):  # a quarter of a second each
+        b.now_us = (b.now_us + 240_000) % 2**32
+        reasons.add(b.scan())
+    assert SlotReason.OK not in reasons
+
+
 NOTHING_NEW = [
     (LIS2DW12, lis2dw12_burst((1, 2, 3), status=0)),
     (MMC5983MA, mmc5983ma_burst((1, 2, 3), status=0x10)),

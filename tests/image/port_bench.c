@@ -100,6 +100,14 @@ static void obey(struct board *board, const struct command *command) {
         answer(board, byte, 0);
         break;
     }
+    case 'G': { /* a transfer of two bytes whose answer nobody takes */
+        uint8_t bytes[2] = {0x11, 0x22};
+        SPI1->CR2 = SPI_CR2_TXDMAEN;
+        board_spi_transfer(board, bytes, bytes, sizeof bytes);
+        SPI1->CR2 = SPI_CR2_RXDMAEN | SPI_CR2_TXDMAEN;
+        answer(board, bytes[0], bytes[1]);
+        break;
+    }
     case 'L':
         board_led(board, command->a != 0);
         answer(board, 0, 0);

@@ -1,5 +1,6 @@
 """What board.h promises of the STM32F405, one function after the other, in the model."""
 
+import ctypes
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ from image.programs import FIRMWARE, built
 from image.qemu import Qemu
 from ribbonhil.stm32f405.boards import BOARDS
 from ribbonhil.stm32f405.elf import read_elf
-from ribbonhil.stm32f405.mcu import Mcu, Options, Stop
+from ribbonhil.stm32f405.mcu import Bus, Mcu, Options, Stop
 from ribbonhost.wire import Board, ClockSource, ResetCause
 
 AREA_START = (0x08008000, 0x0800C000)
@@ -30,12 +31,12 @@ def command(letter: str, a: int = 0, b: int = 0, c: int = 0) -> bytes:
 class Bench:
     """The bench program in an MCU."""
 
-    def __init__(self, board: str = "pyboard_v11", **options: object) -> None:
+    def __init__(self, board: str = "pyboard_v11", *, bus: Bus | None = None, **options: object) -> None:
         self.program = read_elf(built("port_bench", board, core=False))
         wiring = BOARDS[board]
         if options.pop("without_crystal", False):
             wiring = type(wiring)(**{**vars(wiring), "crystal_hz": 0})
-        self.mcu = Mcu(self.program.image, wiring, options=Options(**options))  # type: ignore[arg-type]
+        self.mcu = Mcu(self.program.image, wiring, bus, options=Options(**options))  # type: ignore[arg-type]
         self.wait_for_start()
 
     def wait_for_start(self) -> None:
@@ -138,6 +139,23 @@ def test_microseconds_are_those_of_the_outer_world(bench: Bench) -> None:
     device_us, t_s = bench.mcu.device_us, bench.mcu.now_s
     bench.mcu.run_for(0.5)
     assert bench.mcu.device_us - device_us == pytest.approx((bench.mcu.now_s - t_s) * 1e6, abs=1.0)
+
+
+@ctypes.CFUNCTYPE(ctypes.c_uint8, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint8)
+def inverted(_context: int | None, _t_ns: int, mosi: int) -> int:
+    """A bus that answers every byte with its complement."""
+    return mosi ^ 0xFF
+
+
+def test_transfer_that_is_given_up_leaves_nothing_to_the_next() -> None:
+    address = ctypes.cast(inverted, ctypes.c_void_p).value
+    assert address is not None
+    bench = Bench(bus=Bus(transfer=address))
+    assert bench.ask("S", 0, 0, 0x33) == (0xCC, 0)
+    assert bench.ask("G") == (0xFF, 0xFF)
+    assert bench.ask("S", 0, 0, 0x34) == (0xCB, 0)
+    assert bench.ask("S", 0, 0, 0x35) == (0xCA, 0)
+    assert bench.mcu.violation == ""
 
 
 def test_received_byte_ends_a_wait(bench: Bench) -> None:

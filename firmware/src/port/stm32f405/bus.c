@@ -48,6 +48,18 @@ void bus_start(struct board *board) {
     gpio_set_up_alternate(BOARD_SPI_MOSI, SPI_FUNCTION);
 }
 
+/* A byte left behind would be taken for the first of the next answer, and every one after it for the next. */
+static void give_up(uint8_t *rx, size_t n) {
+    TX_STREAM.CR = 0;
+    RX_STREAM.CR = 0;
+    (void)poll_until(&TX_STREAM.CR, DMA_SxCR_EN, 0, POLLS_MAX);
+    (void)poll_until(&RX_STREAM.CR, DMA_SxCR_EN, 0, POLLS_MAX);
+    (void)poll_until(&SPI1->SR, SPI_SR_BSY, 0, POLLS_MAX);
+    (void)SPI1->DR;
+    (void)SPI1->SR; /* after DR: this ends an overrun */
+    memset(rx, 0xFF, n);
+}
+
 void board_spi_transfer(struct board *board, const uint8_t *tx, uint8_t *rx, size_t n) {
     (void)board;
     if (n == 0)
@@ -61,9 +73,7 @@ void board_spi_transfer(struct board *board, const uint8_t *tx, uint8_t *rx, siz
     barrier(); /* the bytes are in memory before the controller reads them */
     TX_STREAM.CR = DMA_SxCR_CHSEL(SPI_DMA_CHANNEL) | DMA_SxCR_MINC | DMA_SxCR_DIR_TO_PERIPHERAL | DMA_SxCR_EN;
     if (!poll_until(&DMA2->LISR, DMA_LISR_TCIF0, DMA_LISR_TCIF0, POLLS_MAX)) {
-        TX_STREAM.CR = 0;
-        RX_STREAM.CR = 0;
-        memset(rx, 0xFF, n);
+        give_up(rx, n);
     }
     /* The last bit's second half is still on the wire when it is read; nothing may be deselected before. */
     (void)poll_until(&SPI1->SR, SPI_SR_BSY, 0, POLLS_MAX);
