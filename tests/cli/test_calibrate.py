@@ -21,9 +21,10 @@ from ribbonhost.bench.calibration import recorded_raw
 from ribbonhost.calibrate.coverage import Coverage
 from ribbonhost.cli.calibrate_guide import picture, watch_bar
 from ribbonhost.cli.calibrate_source import Traffic
+from ribbonhost.cli.calibration_file import load_calibrations
 from ribbonhost.device import open_device
 from ribbonhost.device.calibration import read_calibration
-from ribbonhost.record import Header, RecordedRibbon, Recorder
+from ribbonhost.record import Header, RecordedRibbon, Recorder, Recording
 from rich.console import Console
 
 Run = Callable[..., tuple[int, str, str]]
@@ -47,10 +48,13 @@ def comb() -> Iterator[EmulatedComb]:
         yield comb
 
 
-def recording(path: Path, packets: list[bytes]) -> Path:
+def recording(path: Path, packets: list[bytes], in_use: bytes = b"") -> Path:
     info, _ = wire.decode(packets[0])
     assert isinstance(info, wire.Info)
-    ribbon = RecordedRibbon("bar", bytes(info.unique_id).hex(), 0, "here", info.node_count, info.pitch_m)
+    serial = bytes(info.unique_id).hex()
+    ribbon = RecordedRibbon(
+        "bar", serial, 0, "here", info.node_count, info.pitch_m, calibration_record=in_use
+    )
     recorder = Recorder(path)
     tap = recorder.tap()
     recorder.start(Header((ribbon,), "", 50, "spline", 0, "0", wire.WIRE_VERSION, wire.SCHEMA_HASH))
@@ -181,6 +185,24 @@ def test_a_refresh_needs_a_ribbon_that_was_calibrated(run: Run, comb: EmulatedCo
     assert (code, out) == (1, "")
     assert "begin with `ribbonhost calibrate bar`" in err
     assert held_by(comb.urls[2]) == before
+
+
+def test_a_recording_that_holds_the_calibration_in_use_is_enough_for_a_refresh(
+    run: Run, file: Path, packets: list[bytes], tmp_path: Path
+) -> None:
+    assert run("calibrate", "bar", "--from", file, *FIELD, "-o", tmp_path / "bar.toml")[0] == 0
+    header = Recording(file).header
+    found = load_calibrations([tmp_path / "bar.toml"], header)[header.ribbons[0].serial]
+    moved = np.array(found.slots.offset)
+    moved[1::2, 0] += 3.0
+    drifted = replace(found, slots=replace(found.slots, offset=moved))
+    later = recording(tmp_path / "later.mcap", packets, drifted.pack())
+    code, out, err = run("calibrate", "in-place", "--from", later, "-o", tmp_path / "again.toml", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["calibrated"]["written"] is False
+    again = load_calibrations([tmp_path / "again.toml"], header)[header.ribbons[0].serial]
+    off_ut = again.slots.offset[1::2, :2] - found.slots.offset[1::2, :2]
+    assert np.abs(off_ut).max() < 1.0, "of 3 uT"
 
 
 class BarDevice:

@@ -1,84 +1,85 @@
-"""What was asked of `ribbonhost calibrate`, and where on earth."""
+"""What `ribbonhost calibrate` is asked for. Nothing slow is imported."""
 
-from __future__ import annotations
-
-import math
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Annotated
 
-from ribbonhost import wire
-from ribbonhost.calibrate.place import Place, place_at
-from ribbonhost.calibrate.record import strength_ut
-from ribbonhost.errors import UsageError
+import typer
+
+from ribbonhost.cli import completion
+from ribbonhost.cli.options import BaudOption, CombOption, ForceOption
+from ribbonhost.cli.ribbons import JsonOption
 
 
 @dataclass(frozen=True)
 class CalibrateOptions:
-    """What was asked for on the command line."""
+    """What all ways to calibrate share; None where nothing was typed."""
 
-    name: str | None
-    from_recording: Path | None
-    serial: str
-    output: Path | None
-    force: bool
-    dry_run: bool
-    place: str | None
-    day: str | None
-    field_ut: float | None
-    dip_deg: float | None
-    rate_hz: int
-    seconds: float
-    record: Path | None
-    comb: Path | None
-    baud: int
-    json: bool
-    declination_deg: float | None = None
-    axes: int = 2
-    pitch_mm: float | None = None
-    poses: int = 0
-
-
-def pitch_m_of(options: CalibrateOptions, info: wire.Info | None) -> float:
-    """Distance between neighbouring slots, as given or as the ribbon says."""
-    if options.pitch_mm is not None:
-        return options.pitch_mm / 1000
-    assert info is not None  # there are readings
-    return float(info.pitch_m)
-
-
-def place_of(options: CalibrateOptions, in_use: wire.Calibration | None, *, lenient: bool = False) -> Place:
-    """The field of the place as it was given; else that of the calibration in use.
-
-    Raises UsageError if there is none.
-    """
-    if options.place is not None:
-        try:
-            numbers = [float(word) for word in options.place.split(",")]
-        except ValueError:
-            numbers = []
-        if len(numbers) not in (2, 3):
-            raise UsageError(
-                f"--place {options.place} is not LATITUDE,LONGITUDE or LATITUDE,LONGITUDE,METRES"
-            )
-        return place_at(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0, _day(options.day))
-    if options.field_ut is not None:
-        return Place(options.field_ut, options.dip_deg, options.declination_deg, "given by hand")
-    if in_use is not None and in_use.created_s:
-        dip_deg = math.degrees(math.atan2(in_use.field_down_ut, in_use.field_horizontal_ut))
-        return Place(strength_ut(in_use), dip_deg, None, "the calibration in use")
-    if lenient:
-        return Place(math.nan, None, None, "")
-    raise UsageError(
-        "the strength of the earth's field is needed, which no pose tells: give --place "
-        "LATITUDE,LONGITUDE, or --field-ut with --dip-deg"
-    )
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="DEVICE",
+            help="A ribbon as for `info`; may be left out with --from.",
+            autocompletion=completion.ribbons,
+        ),
+    ] = None
+    from_recording: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="RECORDING.mcap", help="Use the RAW packets of a recording."),
+    ] = None
+    serial: Annotated[
+        str, typer.Option(metavar="SERIAL", help="Which ribbon of the recording, if there are several.")
+    ] = ""
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="File to write.  [default: calibration-SERIAL-TIME.toml]"
+        ),
+    ] = None
+    force: ForceOption = False
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Write the file, but not to the ribbon.")] = False
+    place: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON[,M]", help="Where it is: degrees north and east, metres of height."),
+    ] = None
+    day: Annotated[
+        str | None,
+        typer.Option("--date", metavar="YYYY-MM-DD", help="For the magnetic model.  [default: today]"),
+    ] = None
+    field_ut: Annotated[
+        float | None, typer.Option(min=1.0, max=100.0, help="Strength of the field, instead of --place.")
+    ] = None
+    dip_deg: Annotated[
+        float | None, typer.Option(min=-90.0, max=90.0, help="How far the field points down.")
+    ] = None
+    rate_hz: Annotated[int, typer.Option("--rate", min=20, max=200, help="Scans a second meanwhile.")] = 50
+    seconds: Annotated[float, typer.Option(min=10.0, help="How long.")] = 120.0
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="Keep all that is received, for --from.")
+    ] = None
+    comb: CombOption = None
+    baud: BaudOption = 921_600
+    json: JsonOption = False
 
 
-def _day(text: str | None) -> date:
-    if text is None:
-        return datetime.now(UTC).date()
-    try:
-        return date.fromisoformat(text)
-    except ValueError as error:
-        raise UsageError(f"--date {text} is no date: write it as 2026-11-24") from error
+@dataclass(frozen=True)
+class BarOptions(CalibrateOptions):
+    """Of the straight bar."""
+
+    seconds: Annotated[float, typer.Option(min=10.0, help="End after so long.")] = 900.0
+    declination_deg: Annotated[
+        float | None, typer.Option(min=-180.0, max=180.0, help="Magnetic north east of true north.")
+    ] = None
+    axes: Annotated[int, typer.Option(min=2, max=3, help="Magnetometer axes that are used.")] = 2
+    pitch_mm: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=1000.0, help="Between slots, by a ruler.  [default: as the ribbon says]"),
+    ] = None
+    poses: Annotated[int, typer.Option(min=16, max=200, help="End after so many, whatever is missing.")] = 36
+
+
+@dataclass(frozen=True)
+class FlatOptions(CalibrateOptions):
+    """Of the refresh on a table."""
+
+    seconds: Annotated[float, typer.Option(min=6.0, help="How long.")] = 60.0

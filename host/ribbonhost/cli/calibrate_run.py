@@ -21,7 +21,8 @@ from ribbonhost.calibrate.in_place import calibrate_in_place
 from ribbonhost.calibrate.refusals import RefusedError
 from ribbonhost.calibrate.solution_checks import check_calibrated
 from ribbonhost.cli.calibrate_guide import watch_bar
-from ribbonhost.cli.calibrate_options import CalibrateOptions, pitch_m_of, place_of
+from ribbonhost.cli.calibrate_options import BarOptions, CalibrateOptions, FlatOptions
+from ribbonhost.cli.calibrate_place import pitch_m_of, place_of
 from ribbonhost.cli.calibrate_source import (
     Collected,
     Traffic,
@@ -44,7 +45,7 @@ FLAT = (
 IN_PLACE = "use the ribbon, slowly, so that every part of it turns as far as it can."
 
 
-def run_bar(options: CalibrateOptions) -> None:
+def run_bar(options: BarOptions) -> None:
     """The straight bar, guided. Raises RibbonError."""
 
     def collect(device: Device, traffic: Traffic) -> Collected:
@@ -73,7 +74,7 @@ def run_bar(options: CalibrateOptions) -> None:
     _run(options, collect, solve)
 
 
-def run_flat(options: CalibrateOptions) -> None:
+def run_flat(options: FlatOptions) -> None:
     """The quick refresh with the ribbon flat on a table. Raises RibbonError."""
 
     def solve(collected: Collected, in_use: wire.Calibration, now: datetime) -> Result:
@@ -104,9 +105,7 @@ def run_in_place(options: CalibrateOptions) -> None:
 
 
 def _recorder(options: CalibrateOptions, what: str) -> Callable[[Device, Traffic], Collected]:
-    """Collects for a while, and says what to do meanwhile. Raises UsageError if there is no ribbon."""
-    if options.name is None:
-        raise UsageError("name the ribbon too: its calibration is what is refreshed")
+    """Collects for a while, and says what to do meanwhile."""
 
     def collect(device: Device, traffic: Traffic) -> Collected:
         print(f"For {options.seconds:g} s: {what}", file=sys.stderr)
@@ -127,47 +126,48 @@ def _run(
         raise UsageError(
             f"{options.output} is there already: name another file, or give --force to replace it"
         )
-    with _opened(options) as (device, traffic):
-        stored = read_calibration(device) if device else None
+    with _opened(options) as (device, stored, traffic):
         try:
             if refreshes and stored:
                 check_calibrated(stored.values.created_s)
-            collected = _collected(options, device, traffic, collect)
+            if options.from_recording:
+                recorded = read_recording(options.from_recording, device.serial if device else options.serial)
+                collected, in_use = recorded.collected, stored.values if stored else recorded.in_use
+                if refreshes and not in_use:
+                    raise UsageError(
+                        f"{options.from_recording} does not hold the calibration of ribbon "
+                        f"{recorded.serial}, which is what is refreshed: name the ribbon too"
+                    )
+            else:
+                assert device is not None  # _opened makes sure
+                assert stored is not None
+                collected, in_use = collect(device, traffic), stored.values
             now = datetime.now(UTC)
-            result = solve(collected, stored.values if stored else _unknown(collected), now)
+            result = solve(collected, in_use or _unknown(collected), now)
         except RefusedError as error:
             _refused(error, options)
         _finish(options, device, stored, collected, result, now)
 
 
-def _collected(
-    options: CalibrateOptions,
-    device: Device | None,
-    traffic: Traffic,
-    collect: Callable[[Device, Traffic], Collected],
-) -> Collected:
-    if options.from_recording:
-        serial = device.serial if device else options.serial
-        return read_recording(options.from_recording, serial).collected
-    assert device is not None  # _opened makes sure
-    return collect(device, traffic)
-
-
 @contextlib.contextmanager
-def _opened(options: CalibrateOptions) -> Iterator[tuple[Device | None, Traffic]]:
+def _opened(
+    options: CalibrateOptions,
+) -> Iterator[tuple[Device | None, StoredCalibration | None, Traffic]]:
+    """The ribbon that was named, if one was, and the calibration in use."""
     if options.name is None:
         if not options.from_recording:
             raise UsageError("name the ribbon to calibrate, or give a recording: --from FILE.mcap")
-        yield None, Traffic()
+        yield None, None, Traffic()
         return
     recorder = Recorder(options.record, force=options.force) if options.record else None
     traffic = Traffic(recorder.tap() if recorder else None)
     device = open_named(options.name, baud=options.baud, comb=options.comb, observer=traffic)
     try:
+        stored = read_calibration(device)
         if recorder:
-            recorder.start(header_of_one(device, options.rate_hz, version("ribbonhost")))
+            recorder.start(header_of_one(device, stored, options.rate_hz, version("ribbonhost")))
             device.handshake()  # so that the recording says who it is of
-        yield device, traffic
+        yield device, stored, traffic
     finally:
         device.close()
         if recorder:

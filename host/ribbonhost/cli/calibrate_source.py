@@ -15,6 +15,7 @@ from ribbonhost import wire
 from ribbonhost.calibrate.readings import Readings, readings_of
 from ribbonhost.calibrate.refusals import Reason, RefusedError
 from ribbonhost.device import Device, Observer
+from ribbonhost.device.calibration import StoredCalibration
 from ribbonhost.errors import RecordingError, RibbonError, UsageError
 from ribbonhost.record import Header, Received, RecordedRibbon, Recording
 
@@ -126,8 +127,8 @@ def collect_for(device: Device, traffic: Traffic, seconds: float, rate_hz: int) 
     return collected
 
 
-def header_of_one(device: Device, rate_hz: int, version: str) -> Header:
-    """The header of a recording of one ribbon."""
+def header_of_one(device: Device, stored: StoredCalibration, rate_hz: int, version: str) -> Header:
+    """The header of a recording of one ribbon, which uses the calibration `stored`."""
     info = device.info
     assert info is not None  # a device that was opened has answered
     ribbon = RecordedRibbon(
@@ -138,7 +139,8 @@ def header_of_one(device: Device, rate_hz: int, version: str) -> Header:
         node_count=info.node_count,
         pitch_m=info.pitch_m,
         firmware=".".join(str(number) for number in info.firmware_version),
-        calibration=(info.calibration_sequence, info.calibration_crc32),
+        calibration=(stored.sequence, stored.crc32),
+        calibration_record=stored.record,
     )
     return Header(
         ribbons=(ribbon,),
@@ -154,10 +156,11 @@ def header_of_one(device: Device, rate_hz: int, version: str) -> Header:
 
 @dataclass(frozen=True)
 class Recorded:
-    """One ribbon of a recording."""
+    """One ribbon of a recording; in_use: the calibration that it used; None if that was not recorded."""
 
     serial: str
     collected: Collected
+    in_use: wire.Calibration | None
 
 
 def read_recording(path: Path, serial: str) -> Recorded:
@@ -182,4 +185,4 @@ def read_recording(path: Path, serial: str) -> Recorded:
             collected.add(item.packet)
     if len(collected) == 0:
         raise RecordingError(f"{path} holds no RAW packets of ribbon {found}, which a calibration is made of")
-    return Recorded(found, collected)
+    return Recorded(found, collected, recording.calibrations().get(found))

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ribbonhost import wire
 from ribbonhost.comb import parse_comb
 from ribbonhost.device import RecordedDevice, Scan
 from ribbonhost.errors import CombFileError, RecordingError
@@ -56,7 +55,7 @@ class Replay:
         Raises RecordingError if the files are not parts of one recording or describe no comb that can be.
         """
         header = recordings[-1].header  # of a ribbon that joined the later parts know more
-        calibrations = _recorded_calibrations(recordings[-1]) | dict(calibrations)
+        calibrations = recordings[-1].calibrations() | dict(calibrations)
         self.damaged = 0
         self.t_zero_s = recordings[0].t_zero_s
         self.t_s = 0.0
@@ -218,17 +217,6 @@ def _method(recording: Recording) -> Method:
             f"does not know: give one of {', '.join(METHODS)} with --method"
         )
     return method
-
-
-def _recorded_calibrations(recording: Recording) -> dict[str, wire.Calibration]:
-    try:
-        return {
-            ribbon.serial: wire.Calibration.unpack(ribbon.calibration_record)
-            for ribbon in recording.header.ribbons
-            if ribbon.calibration_record
-        }
-    except wire.WireError as error:
-        raise RecordingError(f"{recording.path} holds a damaged calibration: {error}") from error
 
 
 def _motion(recording: Recording) -> MotionMode:

@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from ribbonhost import wire
 from ribbonhost.errors import RecordingError
 from ribbonhost.record.layout import COUNTING, EVENTS, HEADER, KINDS, NS, Header, topic
 
@@ -214,6 +215,20 @@ class Recording:
                 except (KeyError, TypeError, ValueError, RecursionError):
                     bad += 1
             self.damaged = reader.damaged + bad
+
+    def calibrations(self) -> dict[str, wire.Calibration]:
+        """The calibrations that the ribbons used, by serial number, of those for which it was recorded.
+
+        Raises RecordingError for one that is damaged.
+        """
+        try:
+            return {
+                ribbon.serial: wire.Calibration.unpack(ribbon.calibration_record)
+                for ribbon in self.header.ribbons
+                if ribbon.calibration_record
+            }
+        except wire.WireError as error:
+            raise RecordingError(f"{self.path} holds a damaged calibration: {error}") from error
 
     def _read_header(self) -> Header:
         """The latest: what follows the first is only looked for where a ribbon may have joined."""
