@@ -15,7 +15,9 @@ from ribbonhost.bench.motion_chain import record, run_ribbon
 from ribbonhost.bench.motion_results import Result, error_percent, evaluate
 from ribbonhost.bench.motion_truth import Case
 from ribbonhost.motion import LiveMotion, MotionParams, Samples, Status, recording, smooth_recording
+from ribbonhost.motion.live import update_each
 from ribbonhost.motion.scans import Timing
+from ribbonhost.motion.sharing import Helpers
 
 SECONDS = 3.0
 
@@ -81,6 +83,27 @@ def test_batches_do_not_matter(wing: tuple[Samples, MotionParams, object]) -> No
     assert at_once is not None
     joined = np.concatenate([piece.q_world_node for piece in pieces if piece is not None])
     np.testing.assert_allclose(joined[:150], at_once.q_world_node[: len(joined)], atol=1e-12)
+
+
+def test_ribbons_estimated_together_are_as_alone(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, _ = wing
+    parts = [samples[:60], samples[100:160]]
+    alone = [LiveMotion(params).update(part) for part in parts]
+    ribbons = [LiveMotion(params) for _ in parts]
+    names = [f.name for f in dataclasses.fields(Samples)]
+    helpers = Helpers(1)
+    for k in range(60):
+        both = Samples(
+            **{name: np.concatenate([getattr(p, name)[k : k + 1] for p in parts]) for name in names}
+        )
+        together = update_each(ribbons, both, helpers)
+        for row, one in enumerate(alone):
+            assert one is not None
+            assert together.status[row] == one.status[k]
+            np.testing.assert_allclose(together.q_world_node[row], one.q_world_node[k], atol=1e-9)
+            np.testing.assert_allclose(together.sigma_rad[row], one.sigma_rad[k], rtol=1e-6)
+    with pytest.raises(ValueError, match="increasing times"):
+        update_each(ribbons, both, helpers)
 
 
 def test_a_lag_makes_estimates_later_and_better(wing: tuple[Samples, MotionParams, object]) -> None:

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from ribbonhost.motion.model import Motion, MotionParams, Samples, join
-from ribbonhost.motion.tracker import Run, Tracker, follow_each
+from ribbonhost.motion.sharing import Helpers
+from ribbonhost.motion.tracker import Tracker, follow_each
 
 LAG_MAX_S = 0.2
 BATCH = 64
@@ -53,10 +54,10 @@ class LiveMotion:
         return join(due) if due else None
 
 
-def update_each(ribbons: Sequence[LiveMotion], samples: Samples, run: Run = map) -> Motion:
+def update_each(ribbons: Sequence[LiveMotion], samples: Samples, helpers: Helpers) -> Motion:
     """Takes the next sample of each of several ribbons of as many nodes, estimated without lag.
 
-    Row i of the samples and of the motion is of ribbons[i]. run: does the work, `map` or that of a pool of
-    threads. Raises ValueError for arrays that cannot be, and if a ribbon's times do not increase.
+    Row i of the samples and of the motion is of ribbons[i]; the ribbons are shared by threads. Raises
+    ValueError for arrays that cannot be, and if a ribbon's times do not increase.
     """
-    return follow_each([ribbon._tracker for ribbon in ribbons], samples, run)
+    return follow_each([ribbon._tracker for ribbon in ribbons], samples, helpers)

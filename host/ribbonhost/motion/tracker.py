@@ -1,18 +1,16 @@
 """The C tracker of one ribbon with its memory."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ribbonhost.motion.model import Float64, Motion, MotionParams, Samples, Status, motion_of
+from ribbonhost.motion.sharing import Helpers
 from ribbonhost.native._native import ffi, lib
 
 COVARIANCE_AHEAD = 40
 """Samples that a smoothed covariance looks ahead: after so many it hardly changes."""
-
-Run = Callable[[Callable[[int], None], Iterable[int]], Iterable[None]]
-"""Calls a function with each of some numbers: `map`, or that of a pool of threads."""
 
 _new_uncleared = ffi.new_allocator(should_clear_after_alloc=False)
 
@@ -145,11 +143,11 @@ class Tracker:
         return motion_of(nodes, last - first, status, t_s, self.params.node_count)
 
 
-def follow_each(trackers: Sequence[Tracker], samples: Samples, run: Run = map) -> Motion:
+def follow_each(trackers: Sequence[Tracker], samples: Samples, helpers: Helpers) -> Motion:
     """The motion at the next sample of each of several ribbons of as many nodes; row i is of trackers[i].
 
-    The trackers must keep no samples, and do not keep these. run: does the work; the C library does it
-    without the interpreter's lock. Raises ValueError for arrays that cannot be, and for a time that is not
+    The trackers must keep no samples, and do not keep these. The C library works without the interpreter's
+    lock. Raises ValueError for arrays that cannot be, and for a time that is not
     later than that of the sample before.
     """
     count, node_count = len(trackers), trackers[0].params.node_count
@@ -169,8 +167,7 @@ def follow_each(trackers: Sequence[Tracker], samples: Samples, run: Run = map) -
         status[row] = tracker._steps[1].status
         tracker.forget(1)
 
-    for _ in run(follow, range(count)):
-        pass
+    helpers.share(follow, count)
     return motion_of(nodes, count, status, samples.t_s, node_count)
 
 

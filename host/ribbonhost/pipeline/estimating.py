@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -13,6 +12,7 @@ from ribbonhost.motion import LiveMotion, Motion
 from ribbonhost.motion.anchor import start_weights
 from ribbonhost.motion.live import update_each
 from ribbonhost.motion.scans import Sampler
+from ribbonhost.motion.sharing import Helpers
 from ribbonhost.pipeline.arrangement import Arrangement
 from ribbonhost.pipeline.poses import (
     Float64,
@@ -62,9 +62,8 @@ class LivePoses:
         )
         self._reference: list[Pose] = []
         self._sampler_of_each = lru_cache(maxsize=8)(Sampler.of_each)
-        # The C library works without the interpreter's lock: so many ribbons at once as there are cores.
-        workers = min(len(places) - 1, os.cpu_count() or 1)
-        self._pool = ThreadPoolExecutor(workers, "motion") if workers > 1 else None
+        # The reference comes first; then there is work for as many threads as there are cores.
+        self._helpers = Helpers(max(0, min(len(places) - 1, os.cpu_count() or 1) - 1))
 
     def poses(self, scans: Sequence[tuple[int, Scan]]) -> list[Pose]:
         """See PoseSource."""
@@ -100,9 +99,8 @@ class LivePoses:
 
     def _update(self, ribbons: Sequence["_Ribbon"], reads: Sequence[Scan], known_mps2: Float64) -> Motion:
         sampler = self._sampler_of_each(tuple(ribbon.readings.sampler for ribbon in ribbons))
-        run = self._pool.map if self._pool and len(ribbons) > 1 else map
         samples = replace(samples_of(sampler, reads), anchor_mps2=known_mps2)
-        return update_each([ribbon.motion for ribbon in ribbons if ribbon.motion], samples, run)
+        return update_each([ribbon.motion for ribbon in ribbons if ribbon.motion], samples, self._helpers)
 
     def _known_mps2(self, scans: Mapping[int, Scan]) -> Float64:
         """(R, 3) acceleration of the places where ribbons start: that of the reference there and then."""
