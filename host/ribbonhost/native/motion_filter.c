@@ -35,18 +35,11 @@ static void judge_corrections(const struct ribbon_motion_model *model, const str
     double taken = motion_anchor_variance(model, &step->state, step->predicted_covariance) -
                    motion_anchor_variance(model, &step->state, step->covariance);
     fit->anchor_correction = taken > 0.0 ? square / taken : 1.0;
-    double count[RIBBON_MOTION_JERK_COUNT] = {0.0};
     for (size_t i = 0; i < model->block; i++) {
-        enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
         size_t k = 2 * model->block + i;
-        double expected = step->predicted_covariance[k][k] - step->covariance[k][k];
-        if (expected > 0.0) {
-            fit->jerk_correction[kind] += x[k] * x[k] / expected;
-            count[kind] += 1.0;
-        }
+        fit->correction[i] = x[k];
+        fit->correction_variance[i] = fmax(0.0, step->predicted_covariance[k][k] - step->covariance[k][k]);
     }
-    for (size_t kind = 0; kind < RIBBON_MOTION_JERK_COUNT; kind++)
-        fit->jerk_correction[kind] = count[kind] > 0.0 ? fit->jerk_correction[kind] / count[kind] : 1.0;
 }
 
 /* Score test: with the derivatives H by an acceleration of the anchor and the covariance S of the innovations

@@ -195,8 +195,7 @@ static inline size_t motion_anchor_index(const struct ribbon_motion_model *model
  * what a sample teaches, which also makes the covariance of its step honest. */
 void motion_learn_nothing(struct ribbon_motion_tracker *tracker);
 void motion_learn_anew(struct ribbon_motion_tracker *tracker, bool still);
-void motion_learn(struct ribbon_motion_tracker *tracker, const struct ribbon_motion_sample *sample,
-                  double dt_s, struct ribbon_motion_step *step);
+void motion_learn(struct ribbon_motion_tracker *tracker, double dt_s, struct ribbon_motion_step *step);
 /* Raises all jerks; false if they cannot be larger. */
 bool motion_livelier(struct ribbon_motion_tracker *tracker);
 

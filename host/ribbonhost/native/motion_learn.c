@@ -29,18 +29,26 @@
 #define LASTING_MIN 0.3
 #define OFFSET_REST 1e-4
 
-/* Variance of the jerk with which a ribbon at rest starts; the least of one that moves, and of one that the
- * device calls still, slow as it may move. */
-#define JERK_STILL     1e-4
-#define JERK_MIN       3e-3
-#define JERK_MIN_STILL 3e-4
-#define JERK_MAX       100.0
-/* Change a second and unit of surplus: of all when the sample does not fit, of each by its own corrections.
- */
+/* Variance of the jerk with which a ribbon at rest starts; the least, by itself and in units of the
+ * liveliest, which takes the others along. */
+#define JERK_STILL 1e-4
+#define JERK_MIN   3e-6
+#define JERK_LEAK  0.02
+#define JERK_MAX   100.0
+/* Change a second and unit of surplus: when the sample does not fit, by the corrections, and by those of an
+ * anchor that is shaken. */
 #define JERK_RATE_ALL    80.0
 #define JERK_RATE        15.0
+#define JERK_RATE_SHAKEN 1.0
 #define MISFIT_GOAL      1.2
 #define FIELD_MISFIT_MAX 1.5
+
+/* Corrections that go one way: over how long, how large, and how much they count; share of the magnetometers
+ * that are outliers with which they do not. */
+#define DRIFT_FADE_S 0.3
+#define DRIFT_MAX    5.0
+#define DRIFT_SHARE  0.5
+#define OUTLYING_MAX 0.125
 
 void motion_learn_nothing(struct ribbon_motion_tracker *t) {
     t->scales =
@@ -50,7 +58,9 @@ void motion_learn_nothing(struct ribbon_motion_tracker *t) {
 
 void motion_learn_anew(struct ribbon_motion_tracker *t, bool still) {
     t->misfit = t->field_misfit = t->anchor_test = t->anchor_correction = 1.0;
-    t->anchor_power = 0.0;
+    t->anchor_power = t->field_outlying = 0.0;
+    memset(t->drift, 0, sizeof t->drift);
+    memset(t->drift_variance, 0, sizeof t->drift_variance);
     for (size_t i = 0; i < RIBBON_MOTION_JERK_COUNT; i++)
         t->jerk_test[i] = 1.0;
     if (!t->has_learnt) {
@@ -144,28 +154,67 @@ static void judge_offset(struct ribbon_motion_tracker *t, double dt_s, double fa
         step->covariance[i][i] += growth * sigma * sigma;
 }
 
-/* Each jerk so that the corrections of what it drives are as large as expected. When the sample as a whole
- * does not fit, and any correction is too large, all grow: the motion has become livelier. */
-static void judge_jerk(struct ribbon_motion_tracker *t, double dt_s, bool still) {
-    double livelier = 0.0, least = still ? JERK_MIN_STILL : JERK_MIN;
+/* Squares of corrections in units of those expected, averaged over what each jerk drives. */
+static void compare(const struct ribbon_motion_model *model, const double *correction, const double *variance,
+                    double square[RIBBON_MOTION_JERK_COUNT]) {
+    double count[RIBBON_MOTION_JERK_COUNT] = {0.0};
+    memset(square, 0, RIBBON_MOTION_JERK_COUNT * sizeof(double));
+    for (size_t i = 0; i < model->block; i++) {
+        enum ribbon_motion_jerk kind = motion_jerk_kind(model, i);
+        if (variance[i] > 0.0) {
+            square[kind] += correction[i] * correction[i] / variance[i];
+            count[kind] += 1.0;
+        }
+    }
+    for (size_t kind = 0; kind < RIBBON_MOTION_JERK_COUNT; kind++)
+        square[kind] = count[kind] > 0.0 ? square[kind] / count[kind] : 1.0;
+}
+
+/* Adds the corrections of a sample to those of the last fraction of a second. Returns how much of what they
+ * tell counts: less as an anchor that moves, lasting errors of accelerometers or a magnet make them go one
+ * way. */
+static double add_to_drift(struct ribbon_motion_tracker *t, double dt_s) {
+    double kept = exp(-dt_s / DRIFT_FADE_S);
+    for (size_t i = 0; i < t->model.block; i++) {
+        t->drift[i] = kept * t->drift[i] + t->fit.correction[i];
+        t->drift_variance[i] = kept * kept * t->drift_variance[i] + t->fit.correction_variance[i];
+    }
+    double outlying = t->fit.fields > 0 ? (double)t->fit.field_outliers / (double)t->fit.fields : 0.0;
+    mix(&t->field_outlying, outlying, newest(dt_s, DRIFT_FADE_S));
+    return DRIFT_SHARE * (1.0 - t->scales.anchor) *
+           (1.0 - fmin(1.0, t->scales.force_offset / t->scales.force_noise)) *
+           fmax(0.0, 1.0 - t->field_outlying / OUTLYING_MAX);
+}
+
+/* Each jerk so that the corrections of what it drives are as large as expected, each by itself and as a sum:
+ * too small a jerk makes small corrections that all go one way. When the sample as a whole does not fit,
+ * those grow whose corrections are too large: the motion has become livelier. None falls far behind the
+ * liveliest. */
+static void judge_jerk(struct ribbon_motion_tracker *t, double dt_s) {
+    double anchor = t->scales.anchor, least = JERK_MIN, drift = add_to_drift(t, dt_s);
     double force = fmin(fmax(t->misfit, t->fit.force_innovation - 1.0), SURPLUS_MAX) - MISFIT_GOAL;
     /* The field alone, which a magnet passing by can bend, never asks for more than the usual. */
     double field = fmin(t->field_misfit, FIELD_MISFIT_MAX) - MISFIT_GOAL;
+    double each[RIBBON_MOTION_JERK_COUNT], sum[RIBBON_MOTION_JERK_COUNT];
+    compare(&t->model, t->fit.correction, t->fit.correction_variance, each);
+    compare(&t->model, t->drift, t->drift_variance, sum);
+    for (size_t i = 0; i < RIBBON_MOTION_JERK_COUNT; i++)
+        least = fmax(least, fmin(1.0, JERK_LEAK * t->scales.jerk[i]));
     for (size_t i = 0; i < RIBBON_MOTION_JERK_COUNT; i++) {
-        mix(&t->jerk_test[i], t->fit.jerk_correction[i], newest(dt_s, MISFIT_FADE_S));
-        livelier = fmax(livelier, t->jerk_test[i]);
-    }
-    for (size_t i = 0; i < RIBBON_MOTION_JERK_COUNT; i++) {
-        double *jerk = &t->scales.jerk[i];
-        double all = livelier > 1.0 ? fmax(0.0, *jerk < 1.0 ? fmax(force, field) : force) : 0.0;
-        double own = fmin(t->jerk_test[i], SURPLUS_MAX) - 1.0;
-        *jerk *= exp(dt_s * (JERK_RATE_ALL * all + JERK_RATE * own));
-        *jerk = fmin(JERK_MAX, fmax(least, *jerk));
+        double *jerk = &t->scales.jerk[i], *test = &t->jerk_test[i];
+        mix(test, each[i], newest(dt_s, MISFIT_FADE_S));
+        double all = *test > 1.0 ? fmax(0.0, *jerk < 1.0 ? fmax(force, field) : force) : 0.0;
+        double own =
+            drift * (fmin(sum[i], DRIFT_MAX) - 1.0) + (1.0 - drift) * (fmin(*test, SURPLUS_MAX) - 1.0);
+        /* Of the rotation of an anchor that is shaken, corrections tell little. */
+        bool root = i < RIBBON_MOTION_JERK_TWIST;
+        double rate = root ? JERK_RATE + anchor * (JERK_RATE_SHAKEN - JERK_RATE) : JERK_RATE;
+        *jerk *= exp(dt_s * (JERK_RATE_ALL * (1.0 - anchor) * all + rate * own));
+        *jerk = fmin(JERK_MAX, fmax(root ? fmax(JERK_MIN, least * (1.0 - anchor)) : least, *jerk));
     }
 }
 
-void motion_learn(struct ribbon_motion_tracker *t, const struct ribbon_motion_sample *sample, double dt_s,
-                  struct ribbon_motion_step *step) {
+void motion_learn(struct ribbon_motion_tracker *t, double dt_s, struct ribbon_motion_step *step) {
     struct ribbon_motion_scales *s = &t->scales;
     bool young = t->status == RIBBON_MOTION_SETTLING;
     double fade_s = young ? NOISE_LEARN_S : NOISE_FADE_S;
@@ -180,6 +229,6 @@ void motion_learn(struct ribbon_motion_tracker *t, const struct ribbon_motion_sa
     judge_offset(t, dt_s, fade_s, step);
     if (young)
         return;
-    judge_jerk(t, dt_s, sample->level_still != 0);
+    judge_jerk(t, dt_s);
     judge_anchor(t, dt_s, step);
 }

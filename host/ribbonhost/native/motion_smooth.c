@@ -232,6 +232,10 @@ static void output_node(const struct ribbon_motion_model *model, const struct ri
     for (int d = 0; d < 3; d++)
         nodes->position_covariance_m2[k][d][d] += floor_m * floor_m;
     turn_covariance(state->root, nodes->position_covariance_m2[k]);
+    /* By how much a part's readings are off in time stays the same for seconds: it does not average out. */
+    const double *v = nodes->velocity_mps[k], jitter_s = model->params.force_jitter_s;
+    for (int i = 0; i < 9; i++)
+        nodes->position_covariance_m2[k][i / 3][i % 3] += jitter_s * jitter_s * v[i / 3] * v[i % 3];
     nodes->sigma_rad[k] = sqrt(fmax(0.0, largest_eigenvalue(angular)));
 }
 

@@ -113,7 +113,7 @@ int ribbon_motion_track(struct ribbon_motion_tracker *t, const struct ribbon_mot
         t->unsure_s = sample->t_s;
     /* Nor does the first sample after a hole: what lies in it was guessed. */
     if (sample->t_s - t->unsure_s > LEARNING_S && dt_s < HOLE_S)
-        motion_learn(t, sample, dt_s, after);
+        motion_learn(t, dt_s, after);
     if (judge_health(t, dt_s) && t->status == RIBBON_MOTION_TRACKING) {
         t->restarts++;
         return start(t, sample, after, work);

@@ -145,9 +145,10 @@ struct ribbon_motion_scales {
 struct ribbon_motion_fit {
     double force_innovation, field_innovation; /* normalised and squared, a degree of freedom: near 1 */
     double force_residual,
-        field_residual; /* what the corrected state leaves unexplained, the same: their noise */
-    /* Squared correction of the accelerations that each jerk drives, in units of the one expected. */
-    double jerk_correction[RIBBON_MOTION_JERK_COUNT], anchor_correction;
+        field_residual;       /* what the corrected state leaves unexplained, the same: their noise */
+    double anchor_correction; /* squared correction of its acceleration, in units of the one expected */
+    /* Corrections of the accelerations of the first block, and the variances expected of them. */
+    double correction[RIBBON_MOTION_BLOCK_MAX], correction_variance[RIBBON_MOTION_BLOCK_MAX];
     double anchor_score; /* test for an acceleration of the anchor at this instant, a degree of freedom */
     double force_left[RIBBON_MOTION_NODE_MAX]
                      [3];          /* residuals of the accelerometers, frame of the anchor; NaN */
@@ -228,7 +229,10 @@ struct ribbon_motion_tracker {
     double unsure_s;             /* time of the last start or shock */
     double ill_s;                /* for how long the samples have not fitted */
     double misfit, field_misfit; /* innovations of the last fraction of a second, running means */
-    double jerk_test[RIBBON_MOTION_JERK_COUNT];   /* squares of the corrections in units of those expected */
+    double jerk_test[RIBBON_MOTION_JERK_COUNT]; /* squares of the corrections in units of those expected */
+    /* Sums of the corrections of the last fraction of a second, and the variances expected of them. */
+    double drift[RIBBON_MOTION_BLOCK_MAX], drift_variance[RIBBON_MOTION_BLOCK_MAX];
+    double field_outlying; /* share of the magnetometers that are outliers, running mean */
     double force_left[RIBBON_MOTION_NODE_MAX][3]; /* residuals of the sample before */
     double left_square, left_change;              /* of them and of their change, running means */
     double anchor_correction;                     /* the same of the anchor's acceleration */
