@@ -8,6 +8,7 @@ of the parts, the firmware and its packets.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from ribbonhost.bench.accuracy import LAYOUT, comb_errors
 from ribbonhost.calibrate.bar import Result, calibrate_bar
 from ribbonhost.calibrate.place import Place
 from ribbonhost.calibrate.readings import Readings, readings_of
+from ribbonhost.calibrate.refusals import RefusedError
 from ribbonhost.calibrate.sensor_errors import matrix_basis
 from ribbonhost.framing import Deframer, encode_frame
 from ribbonhost.reconstruct import CombSolver
@@ -174,42 +176,72 @@ def drawn_devices(seed: int) -> list[Device]:
     ]
 
 
-def measure_calibration(seeds: int, scene: str) -> dict[str, Any]:
-    """Figures of so many combs, each before and after calibration."""
+def measure_calibration(
+    seeds: int, scene: str, on_progress: Callable[[float], None] = lambda share: None
+) -> dict[str, Any]:
+    """Figures of so many combs, each before and after calibration; `on_progress` is told the share done.
+
+    A ribbon whose calibration is refused is counted, and its comb has no figures after it.
+    """
     from ribbonhil.handling import Handling
 
-    combs = []
+    combs: list[dict[str, Any]] = []
+    refused: list[dict[str, Any]] = []
     for seed in range(1, seeds + 1):
         devices = drawn_devices(seed)
-        ribbons = [
-            calibrate_ribbon(devices, index, Handling(seed=100 * seed + index))
-            for index in range(len(devices))
-        ]
+        ribbons = []
+        for index in range(len(devices)):
+            on_progress((seed - 1 + index / (len(devices) + 1)) / seeds)
+            try:
+                ribbons.append(calibrate_ribbon(devices, index, Handling(seed=100 * seed + index)))
+            except RefusedError as error:
+                refused.append(
+                    {"seed": seed, "ribbon": index, "reason": str(error.reason), "message": str(error)}
+                )
+        on_progress((seed - 1 + len(devices) / (len(devices) + 1)) / seeds)
         before, before_deg = comb_error(scene, devices, None)
-        after, after_deg = comb_error(scene, devices, [ribbon.result.record for ribbon in ribbons])
-        combs.append(
-            {
-                "seed": seed,
-                "error_before_percent": before,
-                "error_percent": after,
-                "orientation_error_before_deg": before_deg,
-                "orientation_error_deg": after_deg,
-                "orientation_sigma_deg": max(float(ribbon.result.sigma_deg.max()) for ribbon in ribbons),
-                "largest_error_sigmas": max(float(np.abs(r.error_sigmas).max()) for r in ribbons),
-                "rms_error_sigmas": float(
-                    np.sqrt(np.mean(np.concatenate([r.error_sigmas for r in ribbons]) ** 2))
-                ),
-                "solve_s": float(np.mean([ribbon.solve_s for ribbon in ribbons])),
-            }
-        )
-    percents = [comb["error_percent"] for comb in combs]
+        comb = {"seed": seed, "error_before_percent": before, "orientation_error_before_deg": before_deg}
+        combs.append(comb)
+        if len(ribbons) == len(devices):
+            comb.update(_after(scene, ribbons))
+    percents = [comb["error_percent"] for comb in combs if "error_percent" in comb]
     return {
         "scene": scene,
         "ribbons": seeds * (RIBBONS + 1),
+        "refused": refused,
         "combs": combs,
-        "error_median_percent": float(np.median(percents)),
-        "error_max_percent": float(np.max(percents)),
+        "error_median_percent": float(np.median(percents)) if percents else None,
+        "error_max_percent": float(np.max(percents)) if percents else None,
     }
+
+
+def _after(scene: str, ribbons: list[CalibratedRibbon]) -> dict[str, float]:
+    """Figures of a comb whose ribbons all are calibrated."""
+    percent, degrees = comb_error(
+        scene, [ribbon.device for ribbon in ribbons], [ribbon.result.record for ribbon in ribbons]
+    )
+    sigmas = np.concatenate([ribbon.error_sigmas for ribbon in ribbons])
+    return {
+        "error_percent": percent,
+        "orientation_error_deg": degrees,
+        "orientation_sigma_deg": max(float(ribbon.result.sigma_deg.max()) for ribbon in ribbons),
+        "largest_error_sigmas": float(np.abs(sigmas).max()),
+        "rms_error_sigmas": float(np.sqrt(np.mean(sigmas**2))),
+        "solve_s": float(np.mean([ribbon.solve_s for ribbon in ribbons])),
+    }
+
+
+COLUMNS = {
+    "seed": ("seed", "d"),
+    "E before %": ("error_before_percent", ".1f"),
+    "E %": ("error_percent", ".3f"),
+    "before deg": ("orientation_error_before_deg", ".1f"),
+    "deg": ("orientation_error_deg", ".3f"),
+    "sigma deg": ("orientation_sigma_deg", ".3f"),
+    "worst z": ("largest_error_sigmas", ".2f"),
+    "rms z": ("rms_error_sigmas", ".2f"),
+    "solve s": ("solve_s", ".1f"),
+}
 
 
 def calibration_table(result: dict[str, Any]) -> str:
@@ -217,23 +249,19 @@ def calibration_table(result: dict[str, Any]) -> str:
     from ribbonhost.bench.tables import table
 
     rows = [
-        [
-            str(comb["seed"]),
-            f"{comb['error_before_percent']:.1f}",
-            f"{comb['error_percent']:.3f}",
-            f"{comb['orientation_error_before_deg']:.1f}",
-            f"{comb['orientation_error_deg']:.3f}",
-            f"{comb['orientation_sigma_deg']:.3f}",
-            f"{comb['largest_error_sigmas']:.2f}",
-            f"{comb['rms_error_sigmas']:.2f}",
-            f"{comb['solve_s']:.1f}",
-        ]
+        [format(comb[key], form) if key in comb else "-" for key, form in COLUMNS.values()]
         for comb in result["combs"]
     ]
-    head = ["seed", "E before %", "E %", "before deg", "deg", "sigma deg", "worst z", "rms z", "solve s"]
-    return (
+    lines = [
         f"Combs of {RIBBONS} ribbons and a reference on {result['scene']}, parts with errors, before and "
-        f"after a bar.\n{table(head, rows)}\n"
-        f"E after: median {result['error_median_percent']:.3f} %, "
-        f"largest {result['error_max_percent']:.3f} %."
-    )
+        "after a bar.",
+        table(list(COLUMNS), rows),
+    ]
+    if result["error_median_percent"] is not None:
+        lines.append(
+            f"E after: median {result['error_median_percent']:.3f} %, "
+            f"largest {result['error_max_percent']:.3f} %."
+        )
+    lines.append(f"{len(result['refused'])} of {result['ribbons']} calibrations were refused.")
+    lines += [f"seed {one['seed']}, ribbon {one['ribbon']}: {one['message']}" for one in result["refused"]]
+    return "\n".join(lines)

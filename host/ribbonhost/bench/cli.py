@@ -64,11 +64,18 @@ def calibration(
     scene: Annotated[str, typer.Option(metavar="SCENE", help="sea, wing, breath, or a file.py.")] = "wing",
     json: Annotated[bool, typer.Option("--json", help=JSON_HELP)] = False,
 ) -> None:
-    """Error E of combs with the errors of real parts, before and after they are calibrated on a bar."""
-    from ribbonhost.bench.calibration import calibration_table, measure_calibration
+    """Error E of combs with the errors of real parts, before and after they are calibrated on a bar.
 
-    result = measure_calibration(seeds, scene)
+    Ends with exit code 1 if a calibration was refused.
+    """
+    from ribbonhost.bench.calibration import calibration_table, measure_calibration
+    from ribbonhost.cli.progress import progress_bar
+
+    with progress_bar("calibrate") as on_progress:
+        result = measure_calibration(seeds, scene, on_progress)
     typer.echo(json_module.dumps(result) if json else calibration_table(result))
+    if result["refused"]:
+        raise typer.Exit(1)
 
 
 app.command(epilog="Example: ribbonhost bench motion --scene wing --period 2")(motion)

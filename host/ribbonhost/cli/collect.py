@@ -1,12 +1,11 @@
-"""The frames of a recording as arrays, with a progress bar: what `export` and `validate` work on."""
+"""The frames of a recording as arrays: what `export` and `validate` work on."""
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ribbonhost.cli.progress import Progress
 from ribbonhost.errors import RecordingError, UsageError
 from ribbonhost.export.animation import Animation, NodeMotion, surface_grid
 from ribbonhost.motion.model import radius_95_m
@@ -16,23 +15,6 @@ from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
 from ribbonhost.reconstruct.comb import Method
 from ribbonhost.record import Recording
-
-Progress = Callable[[float], None]
-"""Told which share, 0 to 1, is done."""
-
-
-@contextmanager
-def progress_bar(what: str) -> Iterator[Progress]:
-    """A bar on stderr if that is a terminal, else nothing."""
-    if not sys.stderr.isatty():
-        yield lambda share: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bars
-
-    with Bars(console=Console(stderr=True), transient=True) as bars:
-        bar = bars.add_task(what, total=1.0)
-        yield lambda share: bars.update(bar, completed=share)
 
 
 class _Nearest:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ribbonhost.cli.collect import collect, progress_bar
+from ribbonhost.cli.collect import collect
+from ribbonhost.cli.progress import progress_bar
 from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.export import FORMATS, Options, export

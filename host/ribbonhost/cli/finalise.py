@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ribbonhost.cli.collect import Progress, progress_bar
+from ribbonhost.cli.progress import Progress, progress_bar
 from ribbonhost.cli.replay import open_recordings
 from ribbonhost.export.foxglove import foxglove_encoder
 from ribbonhost.pipeline.replay import Replay

@@ -4,7 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-from ribbonhost.cli.collect import progress_bar
+from ribbonhost.cli.progress import progress_bar
 from ribbonhost.errors import RecordingError
 from ribbonhost.record import Recovered, is_complete, recover
 

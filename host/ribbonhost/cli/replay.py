@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ribbonhost.cli.collect import progress_bar
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
 from ribbonhost.cli.outs import LINES, feeding
+from ribbonhost.cli.progress import progress_bar
 from ribbonhost.cli.recover import offer_recovery
 from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
