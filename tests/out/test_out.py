@@ -2,10 +2,12 @@
 
 import asyncio
 import json
+import os
 import queue
 import socket
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from ribbonhost.out.server import LISTENER_FRAMES, ServerFeed
 from ribbonhost.pipeline.matching import Match
 from ribbonhost.pipeline.solving import Solved
 
+LSL_DISCOVERY_PORT = 16_571
 RIBBONS, NODES = 3, 16
 FACTS = Facts(
     names=("reference", "left", "right"),
@@ -222,6 +225,19 @@ def test_lab_streaming_layer_delivers_samples_with_their_times() -> None:
         inlet.close_stream()
     finally:
         feed.close()
+
+
+def test_lab_streaming_layer_is_found_at_the_loopback_address_only() -> None:
+    """Its ports for samples listen everywhere, which is said: liblsl has no setting for them."""
+    feed = opened("lsl")
+    own = {os.readlink(fd) for fd in Path("/proc/self/fd").iterdir() if fd.is_symlink() and fd.exists()}
+    rows = [line.split() for line in Path("/proc/self/net/udp").read_text().splitlines()[1:]]
+    addresses = {row[1] for row in rows if f"socket:[{row[9]}]" in own}
+    feed.close()
+    port = f"{LSL_DISCOVERY_PORT:04X}"
+    assert f"0100007F:{port}" in addresses
+    assert f"00000000:{port}" not in addresses
+    assert "listens at all network addresses" in feed.note
 
 
 @pytest.mark.parametrize(

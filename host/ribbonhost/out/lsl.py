@@ -13,7 +13,7 @@ COLUMNS = (
     ("x", "metres"), ("y", "metres"), ("z", "metres"), ("qw", "1"), ("qx", "1"), ("qy", "1"), ("qz", "1"),
 )  # fmt: skip
 QUIET = "[log]\nlevel = -1\n"
-ON_THIS_MACHINE = "[multicast]\nResolveScope = machine\n[ports]\nIPv6 = disable\n"
+ON_THIS_MACHINE = "[multicast]\nResolveScope = machine\nListenAddress = 127.0.0.1\n[ports]\nIPv6 = disable\n"
 
 
 class LslFeed(Feed):
@@ -30,7 +30,10 @@ class LslFeed(Feed):
         pylsl.set_config_content(QUIET + ("" if on_network else ON_THIS_MACHINE))
         self.note = "Lab Streaming Layer listens at all network addresses of this machine"
         if not on_network:
-            self.note += ", and announces its streams on this machine only (lsl://network: on the network)"
+            self.note += (
+                ": it has no setting against it, a firewall has; its streams are announced "
+                "on this machine only (lsl://network: on the network)"
+            )
         # Both clocks are steady; on most systems they are the same.
         self._offset_s = pylsl.local_clock() - time.monotonic()
         self._outlets = [

@@ -2,12 +2,12 @@
 
 import asyncio
 import contextlib
-import re
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Coroutine
 
 from ribbonhost.errors import MissingExtraError, RibbonError
+from ribbonhost.origins import ALLOWED
 from ribbonhost.out import message
 from ribbonhost.out.feed import Feed
 from ribbonhost.pipeline.solving import Solved
@@ -16,9 +16,6 @@ LISTENER_FRAMES = 32
 """Frames that may wait for one listener; of further ones it misses the oldest."""
 
 SEND_BYTES = 1 << 16
-
-LOCAL_PAGE = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
-"""A browser says which page asks: no page of the internet may listen to a person's movements."""
 
 
 class ServerFeed(Feed):
@@ -106,7 +103,7 @@ class ServerFeed(Feed):
             with contextlib.suppress(ConnectionClosed, asyncio.CancelledError):
                 await sending
 
-        server = await serve(listen, host, port, origins=[None, LOCAL_PAGE], compression=None, max_size=1024)
+        server = await serve(listen, host, port, origins=ALLOWED, compression=None, max_size=1024)
 
         async def shut() -> None:
             server.close()

@@ -12,7 +12,6 @@ from html import escape
 
 import numpy as np
 import rich
-import viser
 from numpy.typing import NDArray
 
 from ribbonhost.errors import UsageError
@@ -26,6 +25,7 @@ from ribbonhost.view.page import Page, Recording
 from ribbonhost.view.playhead import Playhead
 from ribbonhost.view.plots import Plots
 from ribbonhost.view.scene import Scene
+from ribbonhost.view.serving import open_server
 from ribbonhost.view.settings import Settings
 from ribbonhost.view.tables import events_list, ribbons_table, trouble_table
 
@@ -73,7 +73,7 @@ class View:
         of a recording. Raises UsageError if the port cannot be had.
         """
         rich.get_console().quiet = True  # viser has no other way to be silent on stdout
-        self._server = viser.ViserServer(host=HOST, port=PORT if port is None else port, verbose=False)
+        self._server = open_server(HOST, PORT if port is None else port)
         if port and self._server.get_port() != port:
             self._server.stop()
             raise UsageError(f"--view-port {port}: something else listens there; give another, or none")
