@@ -66,6 +66,8 @@ static int drive(size_t nodes, int field_axes) {
     struct ribbon_motion_state *states = malloc(COUNT * sizeof *states);
     struct ribbon_motion_nodes *out = malloc(COUNT * sizeof *out);
     struct ribbon_motion_work *work = malloc(ribbon_motion_work_bytes());
+    for (size_t k = 0; k < nodes; k++)
+        params.field_normal[k][2] = 1.0;
     int failed = ribbon_motion_tracker_init(&tracker, &params);
     for (size_t i = 0; i < COUNT; i++)
         fill(&samples[i], i, nodes);

@@ -64,9 +64,8 @@ def some_covariance(reference: Reference, random: np.random.Generator, size: flo
 
 
 def one_sample(reference: Reference, values: np.ndarray) -> Samples:
-    n, axes = reference.params.node_count, reference.params.field_axes
-    field = np.zeros((1, n, 3))
-    field[0, :, :axes] = values[3 * n :].reshape(n, axes)
+    n = reference.params.node_count
+    field = np.einsum("kad,ka->kd", reference.field_axes, values[3 * n :].reshape(n, -1))[None]
     valid = np.ones((1, n), bool)
     return Samples(
         t_s=np.array([1.0]),
@@ -124,15 +123,21 @@ def test_prediction_agrees(dt_s: float) -> None:
     assert np.abs((native.taken_matrix(native.step.predicted_covariance) - expected) / scale).max() < 5e-3
 
 
-@pytest.mark.parametrize("field_axes", [2, 3])
-def test_correction_agrees(field_axes: int) -> None:
+TILTED = tuple((0.1 * np.sin(k), 0.1 * np.cos(k), 1.2) for k in range(16))
+
+
+@pytest.mark.parametrize(("field_axes", "normals"), [(2, None), (2, TILTED), (3, None)])
+def test_correction_agrees(field_axes: int, normals: tuple[tuple[float, float, float], ...] | None) -> None:
     random = np.random.default_rng(3)
-    params = MotionParams(field_axes=field_axes)
+    params = MotionParams(field_axes=field_axes, field_normals=normals)
     reference, native = Reference(params), Native(params)
     state = some_state(reference, random)
     covariance = some_covariance(reference, random, 1e-3)
     truth = reference.add(state, np.linalg.cholesky(covariance) @ random.normal(size=STATES))
     samples = one_sample(reference, reference.predict_sensors(truth))
+    # What a magnetometer does not feel may be anything.
+    if field_axes == 2:
+        samples.field_ut[0] += 20.0 * np.array(normals or [(0.0, 0.0, 1.0)] * 16)
     samples.force_valid[0, 3] = samples.field_valid[0, 7] = False
     samples.force_mps2[0, 3] = np.nan
     native.put(state, covariance, 1.0)

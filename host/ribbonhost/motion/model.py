@@ -35,7 +35,8 @@ class MotionParams:
     """How a ribbon is built, how well it measures, and how it may move: one setting for all motions.
 
     node_count: orientations; accelerometers sit at slots 0, 2, 4 ..., magnetometers and nodes at 1, 3, 5 ...
-    field_ut: (3,) local field in the world. field_axes: 2 for x and y of the node frame, 3 for all.
+    field_ut: (3,) local field in the world. field_axes: of a magnetometer, 2 or 3. field_normals: (n, 3) node
+        frame, the direction in which one of two axes feels nothing; None: z, as of parts without tilt.
     accel_sigma_mps2, field_sigma_ut: noise of one axis of one sample; the true one, within a factor of two
         below and twenty above, is found from the samples.
     force_overlap: samples over which an accelerometer averages, 1 or more: so many share their noise.
@@ -55,6 +56,7 @@ class MotionParams:
     gravity_mps2: float = GRAVITY_MPS2
     field_ut: tuple[float, float, float] = (0.0, 22.534, -42.381)
     field_axes: int = 2
+    field_normals: tuple[tuple[float, float, float], ...] | None = None
     accel_sigma_mps2: float = 0.6e-3 * GRAVITY_MPS2
     field_sigma_ut: float = 0.0012 * 48.0
     force_overlap: float = 1.0
@@ -79,6 +81,9 @@ class MotionParams:
         values = dataclasses.asdict(self)
         values["nodes"] = values.pop("node_count")
         values["field_ut"] = list(self.field_ut)
+        values["field_normal"] = values.pop("field_normals") or [(0.0, 0.0, 1.0)] * min(
+            self.node_count, NODE_MAX
+        )
         return ffi.new("struct ribbon_motion_params *", values)
 
 
@@ -87,7 +92,8 @@ class Samples:
     """T scans of one ribbon, calibrated.
 
     t_s: (T,) seconds, increasing, on any clock. force_mps2, field_ut: (T, n, 3) node frame; values of
-    sensors that are not valid are not read, nor is z of a two-axis field. force_valid, field_valid: (T, n).
+    sensors that are not valid are not read, and what a two-axis field has along its normal does not count.
+    force_valid, field_valid: (T, n).
     level_q: (T, n, 4) level reading, world from node, scalar first, to start from and to fall back to;
     level_valid: (T, n). level_still: (T,) the device says that nothing moves.
     anchor_mps2: (T, 3) what is known of the anchor's acceleration, world.

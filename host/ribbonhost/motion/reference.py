@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import expm, null_space, solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 from ribbonhost.motion.model import Float64, MotionParams, Samples
@@ -41,6 +41,11 @@ class Reference:
         for axis, first, count in ((0, 0, TWIST_MODES), (1, TWIST_MODES, BEND_MODES)):
             part = slice(first, first + count)
             self.segment[:, axis, part], self.moment[:, axis, part] = self._integrals(count)
+        normals = params.field_normals or [(0.0, 0.0, 1.0)] * params.node_count
+        whole = np.tile(np.eye(3), (params.node_count, 1, 1))
+        self.field_axes = (
+            whole if params.field_axes == 3 else np.array([null_space([normal]).T for normal in normals])
+        )
         u = np.linspace(-1.0, 1.0, params.node_count)
         powers, signs = np.linalg.qr(np.vander(u, OFFSET_SHAPES, increasing=True))
         self.offset_shape = powers * np.sign(np.diag(signs))
@@ -103,7 +108,11 @@ class Reference:
         )
         later = np.cross(field, np.einsum("sij,si->sj", r, w))
         field = field + self.params.field_later_s * later
-        return np.concatenate([(force[0::2] + offset).ravel(), field[1::2, : self.params.field_axes].ravel()])
+        return np.concatenate([(force[0::2] + offset).ravel(), self.along_axes(field[1::2]).ravel()])
+
+    def along_axes(self, field: Float64) -> Float64:
+        """(n, axes) of fields (n, 3) in the frames of the nodes: along the axes of the magnetometers."""
+        return np.asarray(np.einsum("kad,kd->ka", self.field_axes, field))
 
     def add(self, state: State, d: Float64) -> State:
         """The state moved by an error d (states,)."""
@@ -193,7 +202,7 @@ class Reference:
         ]
         jacobian = np.array(rows).T / (2 * STEP)
         read = np.concatenate(
-            [samples.force_mps2[index].ravel(), samples.field_ut[index][:, : p.field_axes].ravel()]
+            [samples.force_mps2[index].ravel(), self.along_axes(samples.field_ut[index]).ravel()]
         )
         valid = np.concatenate(
             [

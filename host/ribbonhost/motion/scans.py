@@ -49,10 +49,17 @@ def params_of(
         if calibration
         else default.field_ut,
         field_axes=int(calibration.mag_axes) if calibration else default.field_axes,
+        field_normals=_field_normals(calibration) if calibration and calibration.mag_axes == 2 else None,
         force_overlap=max(1.0, timing.force_span_s * (rate_hz or info.rate_hz)),
         force_jitter_s=timing.force_jitter_s,
         field_later_s=timing.force_age_s - timing.field_age_s,
     )
+
+
+def _field_normals(calibration: wire.Calibration) -> tuple[tuple[float, float, float], ...]:
+    """(n, 3) where the axis that a two-axis magnetometer lacks would show in calibrated readings."""
+    matrix = np.asarray(calibration.slots.matrix, dtype=np.float64).reshape(-1, 3, 3)
+    return tuple((float(x), float(y), float(z)) for x, y, z in matrix[1::2, :, 2])
 
 
 class Sampler:

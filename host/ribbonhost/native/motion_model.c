@@ -73,6 +73,24 @@ static void offset_shapes(struct ribbon_motion_model *model) {
     }
 }
 
+/* x of a magnetometer as near that of the node as its normal lets it. False if there is none. */
+static bool field_frames(struct ribbon_motion_model *model) {
+    for (size_t k = 0; k < model->params.nodes; k++) {
+        const double *normal = model->params.field_normal[k];
+        double *x = model->field_frame[k], *y = x + 3, *z = x + 6;
+        double length = sqrt(dot(normal, normal));
+        for (size_t d = 0; d < 3; d++)
+            z[d] = normal[d] / length;
+        double across = sqrt(1.0 - z[0] * z[0]);
+        if (!(across > 0.1))
+            return false;
+        for (size_t d = 0; d < 3; d++)
+            x[d] = ((d == 0 ? 1.0 : 0.0) - z[0] * z[d]) / across;
+        cross(z, x, y);
+    }
+    return true;
+}
+
 static bool positive(double x) {
     return isfinite(x) && x > 0.0;
 }
@@ -100,6 +118,8 @@ int ribbon_motion_model_init(struct ribbon_motion_model *model, const struct rib
     model->modes = model->twist_modes + bend;
     model->block = 3 + model->modes;
     model->states = 3 * model->block + RIBBON_MOTION_OFFSETS + 9;
+    if (!field_frames(model))
+        return RIBBON_MOTION_ERROR_PARAMETER;
     offset_shapes(model);
     segment_integrals(model, 0, model->twist_modes);
     segment_integrals(model, model->twist_modes, bend);

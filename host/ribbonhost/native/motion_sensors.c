@@ -9,10 +9,9 @@ static bool usable_force(const struct ribbon_motion_sample *sample, size_t k) {
     return sample->force_valid[k] && isfinite(f[0] + f[1] + f[2]);
 }
 
-static bool usable_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
-                         size_t k) {
+static bool usable_field(const struct ribbon_motion_sample *sample, size_t k) {
     const double *b = sample->field_ut[k];
-    return sample->field_valid[k] && isfinite(b[0] + b[1] + (model->params.field_axes == 3 ? b[2] : 0.0));
+    return sample->field_valid[k] && isfinite(b[0] + b[1] + b[2]);
 }
 
 /* A sample taken at the wrong instant is off by as much as the force changes until then; as it is off along
@@ -79,24 +78,36 @@ static void add_force(const struct ribbon_motion_model *model, const struct ribb
     add_sensor(3, model->states, force_sigma(model, sample, k, equations), residual, offset, work, equations);
 }
 
+/* What a magnetometer reads less what it should, in its own frame. field: in that of the anchor; rotation:
+ * becomes that of the anchor from the magnetometer. */
+static void field_residual(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
+                           size_t k, const struct motion_shape *shape, const double field[3],
+                           double rotation[9], double residual[3]) {
+    double measured[3], expected[3], turned[3], later[3], across[9];
+    for (size_t i = 0; i < 9; i++)
+        across[i] = model->field_frame[k][3 * (i % 3) + i / 3];
+    multiply3(shape->rotation[2 * k + 1], across, rotation);
+    rotate(model->field_frame[k], sample->field_ut[k], measured);
+    rotate_back(rotation, field, expected);
+    /* The node turns on until the magnetometer samples. */
+    rotate_back(rotation, shape->rate[2 * k + 1], turned);
+    cross(expected, turned, later);
+    for (size_t d = 0; d < 3; d++)
+        residual[d] = measured[d] - expected[d] - model->params.field_later_s * later[d];
+}
+
 static void add_field(const struct ribbon_motion_model *model, const struct ribbon_motion_sample *sample,
                       const struct ribbon_motion_state *at, size_t k, const double *offset,
                       struct ribbon_motion_work *work, struct motion_equations *equations) {
     size_t nb = model->block, slot = 2 * k + 1, axes = (size_t)model->params.field_axes;
-    const double *rotation = work->shape.rotation[slot];
     double (*rows)[RIBBON_MOTION_MATRIX_MAX] = work->rows + equations->rows;
-    double field[3], expected[3], residual[3];
+    double field[3], rotation[9], residual[3];
     rotate_back(at->root, model->params.field_ut, field);
-    rotate_back(rotation, field, expected);
-    /* The node turns on until the magnetometer samples. */
-    double turned[3], later[3];
-    rotate_back(rotation, work->shape.rate[slot], turned);
-    cross(expected, turned, later);
+    field_residual(model, sample, k, &work->shape, field, rotation, residual);
     for (size_t a = 0; a < axes; a++) {
         /* Row of transpose(rotation) [field]x. */
         double column[3] = {rotation[a], rotation[3 + a], rotation[6 + a]}, m[3];
         cross(column, field, m);
-        residual[a] = sample->field_ut[k][a] - expected[a] - model->params.field_later_s * later[a];
         rotate(at->root, m, rows[a]);
         for (size_t j = 3; j < nb; j++)
             rows[a][j] = m[0] * work->shape.turn[slot][0][j] + m[1] * work->shape.turn[slot][1][j] +
@@ -128,7 +139,7 @@ void motion_add_sensors(const struct ribbon_motion_model *model, const struct ri
     size_t nodes = model->params.nodes;
     motion_shape(model, at, true, &work->shape);
     for (size_t k = 0; k < nodes; k++)
-        if (usable_field(model, sample, k))
+        if (usable_field(sample, k))
             add_field(model, sample, at, k, offset, work, equations);
     equations->fields = equations->rows;
     memset(work->pull, 0, sizeof work->pull);
@@ -178,16 +189,11 @@ void motion_typical_residuals(const struct ribbon_motion_model *model,
             double sigma = force_sigma(model, sample, k, equations);
             forces[force_count++] = dot(residual, residual) / (MEDIAN_3 * sigma * sigma);
         }
-        if (usable_field(model, sample, k)) {
-            const double *rotation = shape->rotation[2 * k + 1];
-            double turned[3], later[3], square = 0.0;
-            rotate_back(rotation, field, residual);
-            rotate_back(rotation, shape->rate[2 * k + 1], turned);
-            cross(residual, turned, later);
-            for (size_t a = 0; a < axes; a++) {
-                double e = sample->field_ut[k][a] - residual[a] - model->params.field_later_s * later[a];
-                square += e * e;
-            }
+        if (usable_field(sample, k)) {
+            double rotation[9], square = 0.0;
+            field_residual(model, sample, k, shape, field, rotation, residual);
+            for (size_t a = 0; a < axes; a++)
+                square += residual[a] * residual[a];
             fields[field_count++] = square / ((axes == 2 ? QUARTILE_2 : QUARTILE_3) * equations->field_sigma *
                                               equations->field_sigma);
         }

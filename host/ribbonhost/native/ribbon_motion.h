@@ -52,11 +52,12 @@ enum ribbon_motion_jerk {
 
 /* How a ribbon is built, how well it measures, and how it may move. */
 struct ribbon_motion_params {
-    size_t nodes;            /* orientations; accelerometers at slots 0, 2, ..., magnetometers at 1, 3, ... */
-    double pitch_m;          /* between neighbouring slots */
-    double gravity_mps2;     /* specific force at rest */
-    double field_ut[3];      /* local field, world */
-    int field_axes;          /* 2: x and y of the node frame; 3: all */
+    size_t nodes;        /* orientations; accelerometers at slots 0, 2, ..., magnetometers at 1, 3, ... */
+    double pitch_m;      /* between neighbouring slots */
+    double gravity_mps2; /* specific force at rest */
+    double field_ut[3];  /* local field, world */
+    int field_axes;      /* that a magnetometer has: 3, or 2 */
+    double field_normal[RIBBON_MOTION_NODE_MAX][3]; /* node frame: along it one of two axes feels nothing */
     double accel_sigma_mps2; /* noise of one axis and sample, leftover calibration included */
     double field_sigma_ut;
     double
@@ -82,6 +83,7 @@ struct ribbon_motion_model {
     double segment[RIBBON_MOTION_SLOT_MAX][RIBBON_MOTION_BLOCK_MAX];
     double moment[RIBBON_MOTION_SLOT_MAX][RIBBON_MOTION_BLOCK_MAX];
     double offset_shape[RIBBON_MOTION_OFFSET_SHAPES][RIBBON_MOTION_NODE_MAX]; /* orthonormal polynomials */
+    double field_frame[RIBBON_MOTION_NODE_MAX][9]; /* magnetometer, its z along the normal, from node */
     double anchor_rate[3];          /* coefficients of the anchor's third-order process, see docs/motion.md */
     double anchor_covariance[3][3]; /* stationary, one axis: position, velocity, acceleration */
 };
@@ -105,7 +107,8 @@ struct ribbon_motion_sample {
     double force_mps2[RIBBON_MOTION_NODE_MAX][3]; /* calibrated specific force, node frame */
     double
         force_change_mps3[RIBBON_MOTION_NODE_MAX]; /* magnitude of its rate of change, roughly; see jitter */
-    double field_ut[RIBBON_MOTION_NODE_MAX][3];    /* calibrated field, node frame; z unused with two axes */
+    double field_ut[RIBBON_MOTION_NODE_MAX][3];    /* calibrated field, node frame; with two axes, along the
+                                                      normal it may be anything finite */
     uint8_t force_valid[RIBBON_MOTION_NODE_MAX];
     uint8_t field_valid[RIBBON_MOTION_NODE_MAX];
     double anchor_mps2[3]; /* known acceleration of the anchor, world: that of the reference ribbon */
