@@ -147,8 +147,8 @@ def follow_each(trackers: Sequence[Tracker], samples: Samples, helpers: Helpers)
     """The motion at the next sample of each of several ribbons of as many nodes; row i is of trackers[i].
 
     The trackers must keep no samples, and do not keep these. The C library works without the interpreter's
-    lock. Raises ValueError for arrays that cannot be, and for a time that is not
-    later than that of the sample before.
+    lock. Raises ValueError for arrays that cannot be, and for a time that is not later than that of the
+    sample before.
     """
     count, node_count = len(trackers), trackers[0].params.node_count
     before = [tracker._before(samples, row) for row, tracker in enumerate(trackers)]
