@@ -1,15 +1,12 @@
 """A command line without serial ports of its own, and scripted ribbons on TCP ports for it."""
 
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
+from host.command_line import Run, runner
 from host.fake_ribbon import FakeRibbon, served
-from ribbonhost import cli
 from serial.tools import list_ports
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
@@ -17,15 +14,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     """Runs `ribbonhost` with arguments in this process; returns its exit code, stdout and stderr."""
     monkeypatch.setattr(list_ports, "comports", list)
     monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ribbonhost", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(ended.value.code or 0), out, err
-
-    return run
+    return runner(monkeypatch, capsys)
 
 
 @pytest.fixture

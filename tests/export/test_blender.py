@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from export.made_up import NODES, RIBBONS, made_up
 from ribbonhost.export import Animation, export
 
-FRAMES, RIBBONS, NODES, U, W = 8, 3, 6, 9, 5
+FRAMES = 8
 TOLERANCE_M = 1e-6
 
 bpy: Any = pytest.importorskip("bpy", reason="Blender's module is optional: pip install bpy")
@@ -15,16 +16,7 @@ bpy: Any = pytest.importorskip("bpy", reason="Blender's module is optional: pip 
 
 @pytest.fixture
 def animation() -> Animation:
-    random = np.random.default_rng(6)
-    q = random.normal(size=(FRAMES, RIBBONS, NODES, 4))
-    return Animation(
-        t_s=np.arange(FRAMES) / 20,
-        node_m=random.uniform(-1, 1, (FRAMES, RIBBONS, NODES, 3)),
-        q_world_node=q / np.linalg.norm(q, axis=-1, keepdims=True),
-        valid=np.ones((FRAMES, RIBBONS, NODES), bool),
-        names=("reference", "left", "right"),
-        surface_m=random.uniform(-1, 1, (FRAMES, U, W, 3)).astype(np.float32),
-    )
+    return made_up(FRAMES, seed=6)
 
 
 def points_m(name: str) -> np.ndarray:

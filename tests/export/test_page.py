@@ -9,25 +9,17 @@ import msgspec
 import numpy as np
 import pytest
 import zstandard
+from export.made_up import NODES, RIBBONS, U, W, made_up
 from export.test_export import TOLERANCE_M
 from ribbonhost.export import Animation, Options, export
 from ribbonhost.export.animation import grid_triangles
 
-FRAMES, RIBBONS, NODES, U, W = 12, 3, 6, 9, 5
+FRAMES = 12
 
 
 @pytest.fixture
 def animation() -> Animation:
-    random = np.random.default_rng(4)
-    q = random.normal(size=(FRAMES, RIBBONS, NODES, 4))
-    return Animation(
-        t_s=np.arange(FRAMES) / 20,
-        node_m=random.uniform(-1, 1, (FRAMES, RIBBONS, NODES, 3)),
-        q_world_node=q / np.linalg.norm(q, axis=-1, keepdims=True),
-        valid=np.ones((FRAMES, RIBBONS, NODES), bool),
-        names=("reference", "left", "right"),
-        surface_m=random.uniform(-1, 1, (FRAMES, U, W, 3)).astype(np.float32),
-    )
+    return made_up(FRAMES, seed=4)
 
 
 def embedded(path: Path) -> tuple[dict[str, Any], list[bytes]]:

@@ -3,7 +3,6 @@
 import json
 import signal
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from host.fake_ribbon import NODES, FakeRibbon, served
@@ -14,16 +13,8 @@ from ribbonhost.device import Device, absent_device
 from ribbonhost.link import Link
 from ribbonhost.pipeline.arrangement import arrange_curves
 from ribbonhost.record import Lost, Recording
-from serial.tools import list_ports
 
-
-@pytest.fixture(autouse=True)
-def ports(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Serial ports of this machine, as a test has them."""
-    names: list[str] = []
-    monkeypatch.setattr(list_ports, "comports", lambda: [SimpleNamespace(device=name) for name in names])
-    monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
-    return names
+pytestmark = pytest.mark.usefixtures("ports")
 
 
 def test_a_ribbon_that_was_absent_joins_and_the_recording_knows(tmp_path: Path) -> None:

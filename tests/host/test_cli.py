@@ -6,34 +6,25 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from host.command_line import Run, runner
 from host.fake_ribbon import FakeRibbon, served
-from ribbonhost import cli
 from ribbonhost.comb import Comb, CombRibbon
 from ribbonhost.wire import WIRE_VERSION, CommandCode
 
 COMMAND = [sys.executable, "-c", "from ribbonhost.cli import main; main()"]
 SERIALS = [f"{i:024x}" for i in range(1, 4)]
 COMB = Comb(SERIALS[0], 0.025, (CombRibbon(SERIALS[1], 0.0), CombRibbon(SERIALS[2], 0.1)))
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Runs `ribbonhost` with arguments in this process; returns its exit code, stdout and stderr."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ribbonhost", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(ended.value.code or 0), out, err
-
-    return run
+    return runner(monkeypatch, capsys)
 
 
 @pytest.fixture

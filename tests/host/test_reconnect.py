@@ -5,7 +5,6 @@ import signal
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from host.fake_ribbon import FakeRibbon, served
@@ -13,18 +12,10 @@ from host.running_comb import SERIALS, check_replay, running
 from host.test_cli import start
 from ribbonhost import wire
 from ribbonhost.record import Back, Lost, Recording
-from serial.tools import list_ports
 
 LEFT = "at 0 m"
 
-
-@pytest.fixture(autouse=True)
-def ports(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Serial ports of this machine, as a test has them."""
-    names: list[str] = []
-    monkeypatch.setattr(list_ports, "comports", lambda: [SimpleNamespace(device=name) for name in names])
-    monkeypatch.delenv("RIBBONHOST_PORTS", raising=False)
-    return names
+pytestmark = pytest.mark.usefixtures("ports")
 
 
 def test_an_unplugged_ribbon_is_set_up_again_when_it_is_back_and_the_recording_knows(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from ribbonhost import cli, wire
+from host.command_line import runner
+from ribbonhost import wire
 from ribbonhost.record import Header, RecordedRibbon
 
 COMMAND = [sys.executable, "-c", "from ribbonhost.cli import main; main()"]
@@ -39,15 +40,8 @@ Command = Callable[..., Done]
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     """Runs `ribbonhost` with arguments in this process."""
-
-    def run(*arguments: object) -> Done:
-        monkeypatch.setattr(sys, "argv", ["ribbonhost", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        return Done(int(ended.value.code or 0), out, err)
-
-    return run
+    run = runner(monkeypatch, capsys)
+    return lambda *arguments: Done(*run(*arguments))
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,7 +14,7 @@ from ribbonhost import wire
 from ribbonhost.calibrate.bar import Result
 from ribbonhost.calibrate.place import Place
 from ribbonhost.cli.config_file import FORMAT as CONFIG_FORMAT
-from ribbonhost.cli.config_file import calibration_lines, calibration_of, toml_text
+from ribbonhost.cli.config_file import calibration_lines, calibration_of, read_file, toml_text
 from ribbonhost.cli.printing import name_of
 from ribbonhost.errors import UsageError
 from ribbonhost.record import Header
@@ -161,17 +160,11 @@ def load_calibrations(paths: Sequence[Path], header: Header) -> dict[str, wire.C
 
 def load_calibration(path: Path) -> CalibrationFile:
     """Reads a file of `calibrate` or `config dump`. Raises UsageError, with its name, for anything else."""
-    try:
-        tables = tomllib.loads(path.read_bytes().decode())
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UsageError(f"{path}: is not TOML: {error}") from error
-    if tables.get("format") not in (FORMAT, CONFIG_FORMAT):
-        raise UsageError(f'{path}: holds no calibration: format is not "{FORMAT}"')
-    try:
-        return CalibrationFile(str(tables["device"]["serial"]), calibration_of(tables["calibration"]))
-    except KeyError as error:
-        raise UsageError(f"{path}: {error.args[0]} is missing") from error
-    except (TypeError, ValueError, AttributeError, OverflowError, wire.WireError) as error:
-        raise UsageError(f"{path}: holds what cannot be: {error}") from error
+    return read_file(
+        path,
+        (FORMAT, CONFIG_FORMAT),
+        f'holds no calibration: format is not "{FORMAT}"',
+        lambda tables: CalibrationFile(
+            str(tables["device"]["serial"]), calibration_of(tables["calibration"])
+        ),
+    )

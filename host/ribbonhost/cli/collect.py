@@ -1,11 +1,14 @@
 """The frames of a recording as arrays: what `export` and `validate` work on."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ribbonhost.cli.progress import Progress
+from ribbonhost.cli.progress import Progress, progress_bar
+from ribbonhost.cli.recording_options import PartOptions
+from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
 from ribbonhost.errors import RecordingError, UsageError
 from ribbonhost.export.animation import Animation, NodeMotion, surface_grid
 from ribbonhost.motion.model import radius_95_m
@@ -169,3 +172,26 @@ def collect(
         ),
         replay,
     )
+
+
+def reconstructed(
+    paths: Sequence[Path], options: PartOptions, *, rate_hz: float | None = None, with_surface: bool = False
+) -> tuple[Animation, Replay]:
+    """The part of a recording that was asked for, with a progress bar; see `collect`.
+
+    Raises what `collect` does, and UsageError for options that cannot be meant.
+    """
+    method, motion = checked_method(options.method), checked_motion(options.motion)
+    recordings = open_recordings(paths)
+    with progress_bar("reconstruct") as progress:
+        return collect(
+            recordings,
+            progress,
+            method=method,
+            motion=motion,
+            calibrations=later_calibrations(options.calibration or (), recordings[-1], motion),
+            start_s=options.start_s,
+            end_s=options.end_s,
+            rate_hz=rate_hz,
+            with_surface=with_surface,
+        )

@@ -3,9 +3,11 @@
 import json
 import math
 import tomllib
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,8 @@ from ribbonhost.errors import UsageError
 from ribbonhost.framing import crc32
 
 FORMAT = "ribbonhost config 1"
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -92,16 +96,26 @@ def calibration_lines(calibration: wire.Calibration, info: wire.Info) -> list[st
 
 def load_config(path: Path) -> DeviceConfig:
     """Reads a file of `config dump`. Raises UsageError, with the file's name, for anything else."""
+    return read_file(
+        path, (FORMAT,), f'is no file of `ribbonhost config dump`: format is not "{FORMAT}"', _config_of
+    )
+
+
+def read_file(path: Path, formats: Collection[str], what_else: str, make: Callable[[dict[str, Any]], T]) -> T:
+    """What `make` makes of the tables of a file of one of these formats.
+
+    what_else: what to say of a file of another. Raises UsageError, with the file's name.
+    """
     try:
         tables = tomllib.loads(path.read_bytes().decode())
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UsageError(f"{path}: is not TOML: {error}") from error
-    if tables.get("format") != FORMAT:
-        raise UsageError(f'{path}: is no file of `ribbonhost config dump`: format is not "{FORMAT}"')
+    if tables.get("format") not in formats:
+        raise UsageError(f"{path}: {what_else}")
     try:
-        return _config_of(tables)
+        return make(tables)
     except KeyError as error:
         raise UsageError(f"{path}: {error.args[0]} is missing") from error
     except (TypeError, ValueError, AttributeError, OverflowError, wire.WireError) as error:

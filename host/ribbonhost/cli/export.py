@@ -2,34 +2,18 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from ribbonhost.cli.collect import collect
+from ribbonhost.cli.collect import reconstructed
 from ribbonhost.cli.progress import progress_bar
-from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
+from ribbonhost.cli.recording_options import ExportOptions
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.export import FORMATS, Options, export
 
 WITHOUT_SURFACE = (".csv", ".parquet", ".bvh")
 
 
-@dataclass(frozen=True)
-class ExportOptions:
-    """What was typed; None where nothing was. up: z or y. scale: file units a metre."""
-
-    start_s: float | None
-    end_s: float | None
-    rate_hz: float | None
-    up: str
-    scale: float
-    method: str | None
-    motion: str | None
-    calibration: tuple[Path, ...]
-    force: bool
-
-
-def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_json: bool) -> None:
+def run_export(paths: Sequence[Path], output: Path, options: ExportOptions) -> None:
     """Writes the file and says what is in it. Raises UsageError, RecordingError, MissingExtraError."""
     suffix = output.suffix.lower()
     if suffix not in FORMATS:
@@ -42,20 +26,9 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
         raise UsageError(f"{output} cannot be written: there is no folder {output.parent}")
     if options.start_s is not None and options.end_s is not None and options.end_s < options.start_s:
         raise UsageError(f"--to {options.end_s:g} is before --from {options.start_s:g}")
-    method, motion = checked_method(options.method), checked_motion(options.motion)
-    recordings = open_recordings(paths)
-    with progress_bar("reconstruct") as progress:
-        animation, replay = collect(
-            recordings,
-            progress,
-            method=method,
-            motion=motion,
-            calibrations=later_calibrations(options.calibration, recordings[0], motion),
-            start_s=options.start_s,
-            end_s=options.end_s,
-            rate_hz=options.rate_hz,
-            with_surface=suffix not in WITHOUT_SURFACE,
-        )
+    animation, replay = reconstructed(
+        paths, options, rate_hz=options.rate_hz, with_surface=suffix not in WITHOUT_SURFACE
+    )
     with progress_bar(f"write {suffix}") as progress:
         try:
             written = export(
@@ -80,7 +53,7 @@ def run_export(paths: Sequence[Path], output: Path, options: ExportOptions, as_j
         "damaged": replay.damaged,
         "bytes": sum(path.stat().st_size for path in written),
     }
-    if as_json:
+    if options.json:
         print(json.dumps({"exported": facts}))
         return
     name = str(written[0]) if len(written) == 1 else f"{written[0]} to {written[-1].name}"

@@ -7,30 +7,13 @@ from typing import Annotated
 import typer
 
 from ribbonhost.cli import options
+from ribbonhost.cli.recording_options import ExportOptions, ReplayOptions, ValidateOptions
 from ribbonhost.errors import UsageError
 
 FILE_HELP = "Recording (.mcap)."
 
 FilesArgument = Annotated[
     list[Path], typer.Argument(metavar="FILE", help="Recording (.mcap); all files of a rotated one.")
-]
-MethodOption = Annotated[
-    str | None, typer.Option(help="Of curves: spline or hermite.  [default: that of the stream]")
-]
-MotionOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="off|live|offline",
-        help="Estimate motion from the readings up to each scan, or, offline, from all; off: take readings "
-        "for a level.  [default: as in the stream]",
-    ),
-]
-CalibrationOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        metavar="FILE.toml",
-        help="Calibrate readings anew by what `calibrate` wrote; one file a ribbon.  [default: as recorded]",
-    ),
 ]
 
 
@@ -92,37 +75,15 @@ def finalise(
     run_finalise(file, output, rate, json)
 
 
-def replay(
-    files: FilesArgument,
-    speed: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as possible.")] = 1.0,
-    start: Annotated[float, typer.Option("--from", min=0.0, help="Begin at this second.")] = 0.0,
-    method: MethodOption = None,
-    motion: MotionOption = None,
-    calibration: CalibrationOption = None,
-    out: options.OutOption = None,
-    view: options.ViewOption = False,
-    view_port: options.ViewPortOption = None,
-    json: options.JsonOption = False,
-) -> None:
+@options.spread(ReplayOptions)
+def replay(files: FilesArgument, options: ReplayOptions) -> None:
     """Play a recording through the same code as the stream; unchanged, it gives the same frames."""
-    from ribbonhost.cli.replay import ReplayOptions, run_replay
+    from ribbonhost.cli.replay import run_replay
 
-    run_replay(
-        files,
-        ReplayOptions(
-            speed=speed,
-            from_s=start,
-            method=method,
-            motion=motion,
-            calibration=tuple(calibration or ()),
-            out=tuple(out or ()),
-            view=view,
-            view_port=view_port,
-            json=json,
-        ),
-    )
+    run_replay(files, options)
 
 
+@options.spread(ExportOptions)
 def export(
     files: FilesArgument,
     output: Annotated[
@@ -135,58 +96,21 @@ def export(
             ".gif.",
         ),
     ],
-    start: Annotated[float | None, typer.Option("--from", min=0.0, help="First second.")] = None,
-    end: Annotated[float | None, typer.Option("--to", min=0.0, help="Last second.")] = None,
-    rate: Annotated[
-        float | None, typer.Option(min=0.01, help="Frames a second.  [default: all there are]")
-    ] = None,
-    up: Annotated[str, typer.Option(help="Axis that is up in the file: z or y.")] = "z",
-    scale: Annotated[float, typer.Option(help="Units of the file a metre: 100 for centimetres.")] = 1.0,
-    method: MethodOption = None,
-    motion: MotionOption = None,
-    calibration: CalibrationOption = None,
-    force: options.ForceOption = False,
-    json: options.JsonOption = False,
+    options: ExportOptions,
 ) -> None:
     """Write a recording as a file that other tools open; the ending says which."""
-    from ribbonhost.cli.export import ExportOptions, run_export
+    from ribbonhost.cli.export import run_export
 
-    run_export(
-        files,
-        output,
-        ExportOptions(start, end, rate, up, scale, method, motion, tuple(calibration or ()), force),
-        json,
-    )
+    run_export(files, output, options)
 
 
+@options.spread(ValidateOptions)
 def validate(
     files: FilesArgument,
     truth: Annotated[Path, typer.Option(metavar="FILE", help="Where nodes truly were: .csv, .npz, or .c3d.")],
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Write a page, and its plots as PNG.")
-    ] = None,
-    start: Annotated[float | None, typer.Option("--from", min=0.0, help="First second.")] = None,
-    end: Annotated[float | None, typer.Option("--to", min=0.0, help="Last second.")] = None,
-    offset: Annotated[
-        float | None,
-        typer.Option(help="Time of the truth minus time of the recording, s.  [default: it is found]"),
-    ] = None,
-    max_offset: Annotated[
-        float, typer.Option(min=0.001, help="The offset is searched up to so many seconds.")
-    ] = 5.0,
-    method: MethodOption = None,
-    motion: MotionOption = None,
-    calibration: CalibrationOption = None,
-    force: options.ForceOption = False,
-    json: options.JsonOption = False,
+    options: ValidateOptions,
 ) -> None:
     """Compare a recording with an optical system: time offset, alignment, E over time, error of each node."""
-    from ribbonhost.cli.validate import ValidateOptions, run_validate
+    from ribbonhost.cli.validate import run_validate
 
-    run_validate(
-        files,
-        ValidateOptions(
-            truth, report, start, end, offset, max_offset, method, motion, tuple(calibration or ()), force
-        ),
-        json,
-    )
+    run_validate(files, truth, options)

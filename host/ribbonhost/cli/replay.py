@@ -3,12 +3,12 @@
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ribbonhost.cli.output import JsonOutput, Output, TableOutput
 from ribbonhost.cli.outs import LINES, feeding
 from ribbonhost.cli.progress import progress_bar
+from ribbonhost.cli.recording_options import ReplayOptions
 from ribbonhost.cli.recover import offer_recovery
 from ribbonhost.cli.stream import stop_on_signals
 from ribbonhost.cli.viewing import replay_page
@@ -64,28 +64,13 @@ def later_calibrations(
     return load_calibrations(paths, recording.header)
 
 
-@dataclass(frozen=True)
-class ReplayOptions:
-    """What was typed. speed: times real time, 0: as fast as possible."""
-
-    speed: float
-    from_s: float
-    method: str | None
-    motion: str | None
-    calibration: tuple[Path, ...]
-    out: tuple[str, ...]
-    view: bool
-    view_port: int | None
-    json: bool
-
-
 def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
     """Plays until the end or Ctrl-C; with a page until Ctrl-C.
 
     Raises RecordingError, UsageError if there is nothing from `from_s` on.
     """
-    chosen = checked_method(options.method)
-    output: Output = JsonOutput() if options.json or LINES in options.out else TableOutput()
+    chosen, out = checked_method(options.method), options.out or ()
+    output: Output = JsonOutput() if options.json or LINES in out else TableOutput()
     if options.view_port is not None and not options.view:
         raise UsageError("--view-port is for a page: give --view")
     if options.view and options.out:
@@ -107,7 +92,7 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
             recordings,
             method=chosen,
             motion=motion,
-            calibrations=later_calibrations(options.calibration, recordings[0], motion),
+            calibrations=later_calibrations(options.calibration or (), recordings[-1], motion),
             on_event=output.event,
             on_progress=progress,
             on_solved=[on_solved],
@@ -115,7 +100,7 @@ def run_replay(paths: Sequence[Path], options: ReplayOptions) -> None:
         replay.prepare()
     header = recordings[0].header
     facts = Facts.of(replay.arrangement, rate_hz=header.rate_hz, unix_offset_s=header.wall_offset_ns / 1e9)
-    with stop_on_signals() as stop, feeding(options.out, facts, output, output.event) as outs, output:
+    with stop_on_signals() as stop, feeding(out, facts, output, output.event) as outs, output:
         feeds.extend(outs.feeds)
         _play(replay, options.speed, options.from_s, output, stop)
     _sum_up(replay, output)
@@ -143,7 +128,7 @@ def _view(paths: Sequence[Path], options: ReplayOptions, method: Method | None, 
         recordings,
         method=method,
         motion=motion,
-        calibrations=later_calibrations(options.calibration, recordings[0], motion),
+        calibrations=later_calibrations(options.calibration or (), recordings[-1], motion),
         on_event=output.event,
         on_solved=[on_solved],
     )

@@ -3,35 +3,17 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from ribbonhost.cli.collect import collect
-from ribbonhost.cli.progress import progress_bar
-from ribbonhost.cli.replay import checked_method, checked_motion, later_calibrations, open_recordings
+from ribbonhost.cli.collect import reconstructed
+from ribbonhost.cli.recording_options import ValidateOptions
 from ribbonhost.errors import RibbonError, UsageError
 from ribbonhost.validate.comparison import Comparison, compare
 from ribbonhost.validate.report import facts_of, write_report
 from ribbonhost.validate.truth import read_truth
 
 
-@dataclass(frozen=True)
-class ValidateOptions:
-    """What was typed; None where nothing was."""
-
-    truth: Path
-    report: Path | None
-    start_s: float | None
-    end_s: float | None
-    offset_s: float | None
-    max_offset_s: float
-    method: str | None
-    motion: str | None
-    calibration: tuple[Path, ...]
-    force: bool
-
-
-def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool) -> None:
+def run_validate(paths: Sequence[Path], truth: Path, options: ValidateOptions) -> None:
     """Says how far off the recording is. Raises ValidationError, RecordingError, UsageError."""
     report = options.report
     if report is not None:
@@ -39,19 +21,7 @@ def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool)
             raise UsageError(f"--report {report}: the ending must be .html")
         if report.exists() and not options.force:
             raise UsageError(f"{report} is there already: give another name, or --force to replace it")
-    method, motion = checked_method(options.method), checked_motion(options.motion)
-    recordings = open_recordings(paths)
-    with progress_bar("reconstruct") as progress:
-        animation, replay = collect(
-            recordings,
-            progress,
-            method=method,
-            motion=motion,
-            calibrations=later_calibrations(options.calibration, recordings[0], motion),
-            start_s=options.start_s,
-            end_s=options.end_s,
-            with_surface=False,
-        )
+    animation, replay = reconstructed(paths, options)
     layout, place = replay.arrangement.layout, replay.arrangement.places[0]
     _, ribbons, nodes, _ = animation.node_m.shape
     if layout is None and ribbons > 1:
@@ -59,7 +29,7 @@ def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool)
     comparison = compare(
         animation.t_s,
         animation.node_m,
-        read_truth(options.truth, animation.names, nodes),
+        read_truth(truth, animation.names, nodes),
         names=animation.names,
         length_m=layout.length_m if layout else (2 * nodes - 1) * place.pitch_m,
         is_comb=layout is not None,
@@ -69,10 +39,10 @@ def run_validate(paths: Sequence[Path], options: ValidateOptions, as_json: bool)
     written: list[Path] = []
     if report is not None:
         try:
-            written = write_report(comparison, report, f"{paths[0].name} against {options.truth.name}")
+            written = write_report(comparison, report, f"{paths[0].name} against {truth.name}")
         except OSError as error:
             raise RibbonError(f"{report} cannot be written: {error.strerror}") from error
-    if as_json:
+    if options.json:
         print(json.dumps({"validation": _as_json(comparison, written)}))
         return
     for name, value in facts_of(comparison).items():
