@@ -283,8 +283,14 @@ void slot_mark_implausible(struct slot *slot, bool jumped, uint32_t now_us) {
 }
 
 void slot_judge(struct slot *slot, uint32_t now_us) {
-    if (slot->is_implausible && now_us - slot->implausible_us > IMPLAUSIBLE_US)
+    if (slot->is_implausible && now_us - slot->implausible_us > IMPLAUSIBLE_US) {
         slot->is_implausible = false;
+        /* What was read wrongly is in the mean that tells the offset: it is found anew. */
+        if (PARTS[slot->part_index]->has_polarity) {
+            bridge_offset_reset(&slot->bridge);
+            slot->is_usable = false;
+        }
+    }
     if (slot->is_implausible)
         slot->is_usable = false;
     if (slot->is_usable) {

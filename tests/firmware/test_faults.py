@@ -17,6 +17,7 @@ from ribbonhost.wire import Raw, SlotReason
 
 START_S, END_S, STOP_S = 1.0, 2.2, 3.4
 FOUND_WITHIN_S, RECOVERED_WITHIN_S = 0.5, 1.0
+COUNTS_PER_UT = 163.84  # of a MMC5983MA
 ACCELEROMETER, MAGNETOMETER, FIRST, LAST = 10, 13, 0, SLOTS - 1
 
 # Kind: its parameter for an accelerometer and a magnetometer, and what the slot may be told to be meanwhile.
@@ -101,6 +102,22 @@ def test_slow_drift_is_found_on_every_slot(slot):
     assert wrong_s[-1] - END_S <= RECOVERED_WITHIN_S
     assert most_common(seen.reasons[:, slot]) == SlotReason.OUT_OF_RANGE
     assert (np.delete(seen.reasons, slot, axis=1) == SlotReason.OK).all(), "no other slot is blamed"
+
+
+@pytest.mark.parametrize("slot", range(1, SLOTS, 6))
+@pytest.mark.parametrize("wrong", [0.02, 0.05])
+def test_offset_of_a_bridge_is_found_anew_after_noise(slot, wrong):
+    """A second after it the readings are within 1 uT of those without the fault, with either polarity."""
+    end_s = 2.1
+    seen = RunningRibbon(faults=(Fault(FaultKind.BIT_FLIPS, slot, 1.4, end_s, wrong),)).watch(STOP_S)
+
+    def counts(packets):
+        return np.array([p.mags.counts[slot // 2] for p in packets if isinstance(p, Raw)])
+
+    late = seen.t_raw_s > end_s + RECOVERED_WITHIN_S
+    change_ut = (counts(seen.packets) - counts(healthy().packets))[late] / COUNTS_PER_UT
+    assert np.abs(change_ut).max() < 1.0
+    assert (seen.reasons[late] == SlotReason.OK).all()
 
 
 @pytest.mark.parametrize(("scene", "period_s"), [("wing", 1.0), ("wing", 2.0), ("breath", 0.5)])
