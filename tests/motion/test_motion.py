@@ -22,8 +22,8 @@ from ribbonhost.motion.sharing import Helpers
 SECONDS = 3.0
 
 
-def result_of(scene: str, period_s: float, **settings: object) -> Result:
-    case = Case("test", scene, period_s, SECONDS, **settings)  # type: ignore[arg-type]
+def result_of(scene: str, period_s: float, seconds: float = SECONDS, **settings: object) -> Result:
+    case = Case("test", scene, period_s, seconds, **settings)  # type: ignore[arg-type]
     return evaluate(Goal(case))
 
 
@@ -57,6 +57,23 @@ def test_dead_and_magnetised_nodes_are_done_without() -> None:
     result = result_of("breath", 2.0, trouble=("dead nodes", "magnetised nodes"))
     assert result.mean("live") <= 0.15
     assert result.mean("level") > 0.5
+
+
+def test_calibrated_two_axis_parts_that_are_tilted_are_followed() -> None:
+    result = result_of("wing", 2.0, seconds=4.0, seed=2, is_calibrated=True)
+    assert result.mean("live") <= 0.12
+    assert result.mean("level") > 5 * result.mean("live")
+
+
+def test_a_surface_that_curls_is_followed_better_than_read_as_a_level() -> None:
+    result = result_of("sea", 20.0, seconds=6.0, starts="rest")
+    assert result.mean("live") <= 0.06
+    assert result.mean("level") > 1.3 * result.mean("live")
+
+
+def test_nothing_is_made_of_rest() -> None:
+    result = result_of("wing", 2.0, seconds=6.0, starts="never")
+    assert result.mean("live") <= 0.012
 
 
 def test_taps_do_no_harm() -> None:

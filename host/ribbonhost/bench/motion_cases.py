@@ -48,6 +48,8 @@ def goals() -> list[Goal]:
             name = _named(scene, 2.0, "motion", f"leftover calibration {seed}")
             case = Case(name, scene, 2.0, trouble=("leftover calibration",), seed=seed)
             found.append(Goal(case, 0.25, 0.25, lagged=0.25))
+        name = _named(scene, 2.0, "motion", "calibrated parts")
+        found.append(Goal(Case(name, scene, 2.0, seed=2, is_calibrated=True), 0.12, 0.12))
         for what, limit, trouble in (
             ("lost frames", 0.1, ("lost frames",)),
             ("dead and magnetised nodes", 0.15, ("dead nodes", "magnetised nodes")),

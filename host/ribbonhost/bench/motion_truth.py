@@ -22,7 +22,8 @@ class Case:
     "motion" (at full speed from the first sample) or "never" (nothing moves).
     anchor: "held" (the scene's motion there is taken away), "scene" (left as it is), "shaken" (held, and in
     addition 0.3 g RMS between 0.5 and 3 Hz) or "carried" (held, and walked through a room).
-    trouble: names of what is wrong, see motion_trouble.
+    trouble: names of what is wrong, see motion_trouble. is_calibrated: the parts have the errors of parts off
+    the shelf, and were calibrated; else they have none.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Case:
     trouble: tuple[str, ...] = ()
     ribbon: int = 3
     seed: int = 0
+    is_calibrated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
