@@ -71,7 +71,8 @@ _UNUSABLE: tuple[tuple[list[int], float, Reason, str], ...] = (
         [wire.SlotReason.ABSENT, wire.SlotReason.WRONG_ID, wire.SlotReason.NOT_CONFIGURED],
         UNUSABLE_SHARE,
         Reason.DEAD_SLOT,
-        "look at its solder joints; `ribbonhost info` shows the state of all slots",
+        "look at its solder joints, for a ribbon is calibrated with all its sensors or not at all; "
+        "`ribbonhost info` shows the state of all slots",
     ),
     (
         [wire.SlotReason.STALE, wire.SlotReason.STUCK, wire.SlotReason.NOISY],
