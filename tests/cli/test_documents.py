@@ -137,3 +137,19 @@ def test_documents_name_files_that_there_are() -> None:
     for path in DOCUMENTS:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text()):
             assert (path.parent / target).exists(), f"{path.name} points to {target}"
+
+
+def all_commands(command: object, name: str = "ribbonhost") -> Iterator[tuple[str, object]]:
+    yield name, command
+    for word, part in getattr(command, "commands", {}).items():
+        yield from all_commands(part, f"{name} {word}")
+
+
+def test_each_argument_and_option_says_what_it_is_for() -> None:
+    silent = [
+        f"{name} {parameter.name}"
+        for name, command in all_commands(get_command(build_app()))
+        for parameter in command.params  # type: ignore[attr-defined]
+        if not parameter.help
+    ]
+    assert silent == []

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from ribbonhost.cli.calibrate_options import BarOptions, CalibrateOptions, FlatOptions
-from ribbonhost.cli.options import BaudOption, CombOption, spread
-from ribbonhost.cli.ribbons import JsonOption, NameArgument
+from ribbonhost.cli.options import RibbonOptions, spread
+from ribbonhost.cli.ribbons import NameArgument
 
 HolderArgument = Annotated[
     str, typer.Argument(metavar="DEVICE_OR_FILE", help="A ribbon, or a calibration file (.toml).")
@@ -54,37 +54,35 @@ def in_place(options: CalibrateOptions) -> None:
     run_in_place(options)
 
 
-def show(
-    name: HolderArgument, comb: CombOption = None, baud: BaudOption = 921_600, json: JsonOption = False
-) -> None:
+@spread(RibbonOptions)
+def show(name: HolderArgument, options: RibbonOptions) -> None:
     """Print the calibration that a ribbon uses, or that a file holds, as errors of its sensors."""
     from ribbonhost.cli.calibrate_keep import run_show
 
-    run_show(name, comb=comb, baud=baud, as_json=json)
+    run_show(name, comb=options.comb, baud=options.baud, as_json=options.json)
 
 
+@spread(RibbonOptions)
 def diff(
     one: HolderArgument,
     other: HolderArgument,
-    comb: CombOption = None,
-    baud: BaudOption = 921_600,
-    json: JsonOption = False,
+    options: RibbonOptions,
 ) -> None:
     """Print how far two calibrations are apart."""
     from ribbonhost.cli.calibrate_keep import run_diff
 
-    run_diff(one, other, comb=comb, baud=baud, as_json=json)
+    run_diff(one, other, comb=options.comb, baud=options.baud, as_json=options.json)
 
 
+@spread(RibbonOptions)
 def restore(
     name: NameArgument,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `calibrate` wrote.")],
     force: Annotated[bool, typer.Option("--force", help="Even if it is of another ribbon.")] = False,
-    comb: CombOption = None,
-    baud: BaudOption = 921_600,
-    json: JsonOption = False,
+    *,
+    options: RibbonOptions,
 ) -> None:
     """Give a ribbon the calibration of a file; it is replaced as a whole or not at all."""
     from ribbonhost.cli.calibrate_keep import run_restore
 
-    run_restore(name, file, force=force, comb=comb, baud=baud, as_json=json)
+    run_restore(name, file, force=force, comb=options.comb, baud=options.baud, as_json=options.json)

@@ -7,12 +7,11 @@ from typing import Annotated
 import typer
 
 from ribbonhost.cli import completion
-from ribbonhost.cli.options import BaudOption, CombOption, ForceOption
-from ribbonhost.cli.ribbons import JsonOption
+from ribbonhost.cli.options import ForceOption, RibbonOptions
 
 
 @dataclass(frozen=True)
-class CalibrateOptions:
+class CalibrateOptions(RibbonOptions):
     """What all ways to calibrate share; None where nothing was typed."""
 
     name: Annotated[
@@ -57,9 +56,6 @@ class CalibrateOptions:
     record: Annotated[
         Path | None, typer.Option(metavar="FILE.mcap", help="Keep all that is received, for --from.")
     ] = None
-    comb: CombOption = None
-    baud: BaudOption = 921_600
-    json: JsonOption = False
 
 
 @dataclass(frozen=True)

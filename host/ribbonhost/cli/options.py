@@ -40,6 +40,15 @@ OutOption = Annotated[
 
 
 @dataclass(frozen=True)
+class RibbonOptions:
+    """How ribbons are found, and how it is told: what all commands that look after one share."""
+
+    comb: CombOption = None
+    baud: BaudOption = 921_600
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False
+
+
+@dataclass(frozen=True)
 class StreamOptions:
     """What `stream` and `record` are asked for; None where nothing was typed."""
 
@@ -90,7 +99,7 @@ class StreamOptions:
             metavar="off|live",
             help="live: estimate the ribbons' motion from their readings; off: take these for a level.",
         ),
-    ] = "off"
+    ] = "live"
     baud: BaudOption = 921_600
     reconnect: Annotated[
         bool, typer.Option(help="Look for ribbons whose ports vanish, and go on when they are back.")
@@ -119,7 +128,9 @@ def spread(
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
         hints = get_type_hints(kind, include_extras=True)
-        own = [p for p in inspect.signature(function).parameters.values() if p.name != "options"]
+        own = [
+            p for p in inspect.signature(function, eval_str=True).parameters.values() if p.name != "options"
+        ]
         spread_out = [f for f in fields(kind) if f.name not in without]
 
         def command(**typed: Any) -> None:
