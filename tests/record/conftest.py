@@ -46,9 +46,8 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 @pytest.fixture(scope="session")
 def wing(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four seconds of an emulated comb of three ribbons and their readings, as a user records them."""
+    """Four seconds of an emulated comb of three ribbons, as a user records them."""
     path = tmp_path_factory.mktemp("recordings") / "wing.mcap"
     arguments = ["record", path, "--emulate", "wing", "--ribbons", "2", "--seconds", "4", "--json"]
-    arguments += ["--motion", "live"]
     subprocess.run([*COMMAND, *map(str, arguments)], check=True, capture_output=True, timeout=60)
     return path
