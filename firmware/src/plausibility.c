@@ -2,6 +2,7 @@
 #include "plausibility.h"
 
 #include <math.h>
+#include <stdint.h>
 
 #include "vec3.h"
 
@@ -18,6 +19,10 @@ static const float TOLERANCE_OF_LENGTH = 0.15f;
 /* Accelerations of a shaken ribbon differ along it: so much more of what they make |reading| differ from
  * size. */
 static const float TOLERANCE_MOVING = 0.5f;
+
+/* So much less contradiction, in units of what there may be, makes one reading rather the culprit than one
+ * nearer to where it was seen. */
+static const float SILENCE = 0.15f;
 
 /* Neighbours farther than this say nothing: three on one side are needed, or two on each. */
 enum { REACH = 3, REACH_BETWEEN = 2, NEIGHBOURS_MAX = 4, MARKS_MAX = 4 };
@@ -104,18 +109,21 @@ static float worst_of(const struct check *check, int from, int to, unsigned *ind
     return worst;
 }
 
-/* Of reading i and its neighbours, the one without which those around agree best. */
+/* Of reading i and those around it, the one without which the others agree best. Without a second neighbour
+ * an end says nothing, which is no proof yet that the neighbour is wrong. */
 static unsigned culprit_near(struct check *check, unsigned i) {
+    static const int8_t STEPS[] = {0, -1, 1, -2, 2};
     unsigned culprit = i;
     float least = INFINITY;
-    for (int candidate = (int)i - 1; candidate <= (int)i + 1; candidate++) {
+    for (unsigned s = 0; s < sizeof STEPS; s++) {
+        const int candidate = (int)i + STEPS[s];
         if (candidate < 0 || candidate >= (int)COUNT || !check->trusted[candidate])
             continue;
         unsigned unused;
         check->trusted[candidate] = false;
-        const float left = worst_of(check, (int)i - REACH, (int)i + REACH + 1, &unused);
+        const float left = worst_of(check, (int)i - REACH - 2, (int)i + REACH + 3, &unused);
         check->trusted[candidate] = true;
-        if (left < least) {
+        if (left + SILENCE < least) {
             least = left;
             culprit = (unsigned)candidate;
         }

@@ -46,6 +46,20 @@ def test_wrong_reading_is_found_and_no_other(at, turn_rad):
         assert suspects(readings) == [at]
 
 
+@pytest.mark.parametrize("two_axes", [False, True])
+@pytest.mark.parametrize("at", range(COUNT))
+def test_reading_that_goes_astray_is_blamed_and_no_other(at, two_axes):
+    """By a fiftieth of g at a time, in any direction, on a bent ribbon: who is suspect first is the one."""
+    rng = np.random.default_rng(at)
+    for _ in range(20):
+        direction = rng.normal(size=3)
+        direction *= 0.02 * SIZE / np.linalg.norm(direction)
+        readings = bent(0.05)
+        while not (found := suspects(readings, two_axes=two_axes)):
+            readings[at] += direction
+        assert found == [at]
+
+
 def test_length_tells_where_direction_does_not():
     readings = bent(0.25)
     readings[6] *= 1.18
