@@ -115,7 +115,7 @@ def test_a_stream_of_curves_counts_an_absent_ribbon_and_lets_it_join(tmp_path: P
     late = FakeRibbon(serial=SERIALS[1])
     late.vanish()
     with served(FakeRibbon(serial=SERIALS[0])) as url, served(late) as late_url:
-        process = start("stream", url, late_url, "--json", "--record", str(path))
+        process = start("stream", url, late_url, "--json", "--motion", "off", "--record", str(path))
         assert process.stdout
         lines = [json.loads(process.stdout.readline())]
 
@@ -139,7 +139,9 @@ def test_without_reconnect_an_absent_ribbon_is_left_out(tmp_path: Path) -> None:
     late = FakeRibbon(serial=SERIALS[1])
     late.vanish()
     with served(FakeRibbon(serial=SERIALS[0])) as url, served(late) as late_url:
-        process = start("stream", url, late_url, "--json", "--no-reconnect", "--seconds", "0.3")
+        process = start(
+            "stream", url, late_url, "--json", "--motion", "off", "--no-reconnect", "--seconds", "0.3"
+        )
         out, err = process.communicate(timeout=20)
     assert (process.returncode, err) == (0, "")
     summary = json.loads(out.splitlines()[-1])["summary"]

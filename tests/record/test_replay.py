@@ -1,6 +1,7 @@
 """A recording that is played gives what the stream gave."""
 
 import json
+import threading
 import time
 from pathlib import Path
 
@@ -9,11 +10,12 @@ import pytest
 from record.conftest import Command
 from record.virtual import stream_virtually
 from ribbonhil.emulator import EmulatedComb
+from ribbonhost import wire
 from ribbonhost.comb import Comb, CombRibbon
-from ribbonhost.device import open_device
+from ribbonhost.device import Device, absent_device, open_device
 from ribbonhost.link import register_emulator
 from ribbonhost.pipeline.arrangement import arrange_comb
-from ribbonhost.pipeline.header import header_of
+from ribbonhost.pipeline.header import header_of, recorded_ribbons
 from ribbonhost.pipeline.replay import Replay
 from ribbonhost.pipeline.solving import Solved
 from ribbonhost.pipeline.stream import Stream
@@ -86,6 +88,55 @@ def test_what_was_streamed_live_is_replayed_to_the_last_bit(tmp_path: Path) -> N
     assert_same(live, solved)
     assert not live[-1].match.valid[2].any()
     assert replay.report().ribbons[2].state == "gone"
+
+
+def test_the_motion_of_a_ribbon_that_joins_is_estimated_and_replayed_to_the_last_bit(tmp_path: Path) -> None:
+    register_emulator()
+    live: list[Solved] = []
+    with EmulatedComb(ribbons=2) as emulated:
+        emulated.plug(2, False)
+        recorder = Recorder(tmp_path / "late.mcap")
+        taps = [recorder.tap() for _ in emulated.urls]
+        devices = [open_device(url, observer=tap) for url, tap in zip(emulated.urls[:2], taps, strict=False)]
+        late = absent_device(emulated.serials[2], observer=taps[2])
+        first, *others = emulated.serials
+        starts = zip(others, emulated.layout_start_m, strict=True)
+        comb = Comb(first, emulated.pitch_m, tuple(CombRibbon(*start) for start in starts))
+        arrangement = arrange_comb(devices, comb, lambda serial: late)
+        channels = {device: tap.channel for device, tap in zip([*devices, late], taps, strict=True)}
+        calibrations: dict[str, wire.Calibration] = {}
+        joined = threading.Event()
+
+        def on_joined(device: Device) -> None:
+            recorder.describe(recorded_ribbons(arrangement, channels, calibrations))
+            joined.set()
+
+        recorder.start(
+            header_of(arrangement, channels, comb=comb, rate_hz=100, method="spline", motion="live")
+        )
+        stream = Stream(
+            arrangement,
+            rate_hz=100,
+            on_solved=[live.append],
+            reconnect=True,
+            motion="live",
+            calibrations=calibrations,
+            named=emulated.urls[2:],
+            on_joined=on_joined,
+        )
+        stream.start()
+        emulated.plug(2, True)
+        assert joined.wait(20)
+        deadline_s = time.monotonic() + 20
+        while live[-1].match.moving[2] is None and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        time.sleep(0.3)
+        stream.close()
+        recorder.close()
+    assert live[-1].match.moving[2] is not None
+    assert calibrations.keys() == {late.serial}
+    assert Recording(recorder.paths[0]).calibrations().keys() == {late.serial}
+    assert_same(live, replayed(recorder.paths[0])[1])
 
 
 def test_another_method_gives_other_curves_of_the_same_readings(

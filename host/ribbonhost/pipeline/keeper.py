@@ -21,8 +21,6 @@ TICK_S = 0.02
 AGAIN_S = 1.0
 """So long after a device could not be set up again it is tried once more."""
 
-TOO_LATE = "its motion is not estimated: that takes its calibration from the start, so begin the stream again"
-
 
 class Keeper:
     """Talks to the devices of a stream, on a thread of its own once started.
@@ -41,8 +39,8 @@ class Keeper:
         on_joined: Callable[[Device], None] = lambda device: None,
     ) -> None:
         """`on_event` is told, in any thread, what happened to which device. raw: let those that can send RAW
-        beside ORIENT. Devices that have not said who they are yet are set up when they have a link, without
-        RAW, for which they come too late; `on_joined` is told."""
+        beside ORIENT. Devices that have not said who they are yet are set up when they have a link, of which
+        `on_joined` is told."""
         self.aligner = ScanAligner(rate_hz)
         self._tell = on_event
         self._on_joined = on_joined
@@ -53,8 +51,7 @@ class Keeper:
         self._again_due_s = dict.fromkeys(devices, 0.0)
         self._ping_due_s = dict.fromkeys(devices, 0.0)
         self._mute: set[Device] = set()
-        self._raw = raw
-        self._drops = {device: DropWatch() for device in self._devices} if raw else {}
+        self._drops = {device: DropWatch() for device in devices} if raw else {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
 
@@ -83,9 +80,7 @@ class Keeper:
         for_all(_require_sync)
         self._devices = [device for device in self._devices if device not in failed]
         for device in self._devices:
-            if device in self._drops and (why := why_not(device, self._rate_hz)):
-                del self._drops[device]
-                self._tell(device, why)
+            self._check_raw(device)
         self._restarts = {device: device.clock.restarts for device in self._devices}
         self._align()
         return failed
@@ -148,6 +143,12 @@ class Keeper:
         else:
             self._mute.discard(device)
 
+    def _check_raw(self, device: Device) -> None:
+        """Asks a device for RAW only if it can send it beside ORIENT."""
+        if device in self._drops and (why := why_not(device, self._rate_hz)):
+            del self._drops[device]
+            self._tell(device, why)
+
     def _set_up_again(self, device: Device) -> None:
         restarts = device.clock.restarts
         self.aligner.free_running.pop(device, None)
@@ -156,6 +157,7 @@ class Keeper:
         try:
             if joins:
                 device.handshake()
+                self._check_raw(device)
             device.command(wire.CommandCode.SET_RATE, self._rate_hz)
             device.command(wire.CommandCode.SET_MODE, self._mode(device))
         except LinkLostError:
@@ -167,7 +169,7 @@ class Keeper:
             self._restarts[device] = restarts
             self._absent.discard(device)
             if joins:
-                self._tell(device, f"has joined; {TOO_LATE}" if self._raw else "has joined")
+                self._tell(device, "has joined")
                 self._on_joined(device)
             else:
                 self._tell(device, f"{why}, and it is set up again")

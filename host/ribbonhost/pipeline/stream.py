@@ -62,7 +62,7 @@ class Stream:
         frame, in the thread that reconstructs. reconnect: look for ribbons that are absent or whose ports
         vanish; named: see Seeker. on_joined: told, in any thread, which absent one was set up.
         motion, calibrations: see source_of; the devices are asked for RAW where motion is estimated. Those of
-        ribbons that join are read and added, unless it is None, for a recording's header."""
+        ribbons that join are read and added, unless it is None."""
         self._places = arrangement.places
         self._on_event = on_event
         self._named = named
