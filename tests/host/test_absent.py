@@ -1,5 +1,6 @@
 """Ribbons that are not there at the start join by themselves, or a sentence says why not."""
 
+import io
 import json
 import signal
 from pathlib import Path
@@ -9,10 +10,12 @@ from host.fake_ribbon import NODES, FakeRibbon, served
 from host.running_comb import SERIALS, check_replay, running
 from host.test_cli import start
 from ribbonhost import wire
+from ribbonhost.cli.table import summary_of, table_of
 from ribbonhost.device import Device, absent_device
 from ribbonhost.link import Link
 from ribbonhost.pipeline.arrangement import arrange_curves
 from ribbonhost.record import Lost, Recording
+from rich.console import Console
 
 pytestmark = pytest.mark.usefixtures("ports")
 
@@ -147,3 +150,13 @@ def test_without_reconnect_an_absent_ribbon_is_left_out(tmp_path: Path) -> None:
     summary = json.loads(out.splitlines()[-1])["summary"]
     assert summary["ribbons"] == 1
     assert "absent" not in out
+
+
+def test_the_table_says_who_is_absent_and_the_summary_who_never_joined(tmp_path: Path) -> None:
+    with running(tmp_path / "shown.mcap", absent=[2]) as run:
+        report = run.until(lambda report: report.comb.frames >= 5)
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(table_of(report))
+    (row,) = [line for line in console.export_text().splitlines() if "at 0.05 m" in line]
+    assert row.split()[3] == "absent"
+    assert summary_of(report).endswith("at 0.05 m: it never joined.")

@@ -20,6 +20,7 @@ HEADINGS = (
 STATES = {
     "streaming": Text("live", "green"),
     "silent": Text("silent", "yellow"),
+    "absent": Text("absent", "red"),
     "missing": Text("missing", "red"),
 }
 RARE = (
@@ -112,8 +113,8 @@ def summary_of(report: Report) -> str:
 
 
 def _state(ribbon: RibbonReport) -> Text:
-    if ribbon.state in ("gone", "absent"):
-        return Text(f"{ribbon.state} {ribbon.gone_s:.0f} s", "red")
+    if ribbon.state == "gone":
+        return Text(f"gone {ribbon.gone_s:.0f} s", "red")
     if ribbon.level_per_s > 0.5 * ribbon.frames_per_s:
         return Text("level", "yellow")  # its motion is to be estimated, and is not
     return STATES[ribbon.state]
