@@ -214,7 +214,7 @@ enum wire_quality {
     WIRE_QUALITY_FIELD_MAGNITUDE = 32,
     /* the dip angle does not fit */
     WIRE_QUALITY_FIELD_DIP = 64,
-    /* two headings explain the two-axis field; one was chosen by continuity */
+    /* two headings explain the two-axis field, of which one was chosen by continuity, or a wide range does */
     WIRE_QUALITY_HEADING_AMBIGUOUS = 128,
 };
 

@@ -418,7 +418,7 @@ class Quality(IntFlag):
     FIELD_MAGNITUDE = 32
     # the dip angle does not fit
     FIELD_DIP = 64
-    # two headings explain the two-axis field; one was chosen by continuity
+    # two headings explain the two-axis field, of which one was chosen by continuity, or a wide range does
     HEADING_AMBIGUOUS = 128
 
 
