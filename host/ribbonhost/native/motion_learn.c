@@ -29,17 +29,17 @@
 #define LASTING_MIN 0.3
 #define OFFSET_REST 1e-4
 
-/* Variance of the jerk with which a ribbon at rest starts; the least, by itself and in units of the
- * liveliest, which takes the others along. */
-#define JERK_STILL 1e-4
-#define JERK_MIN   3e-6
-#define JERK_LEAK  0.02
-#define JERK_MAX   100.0
-/* Change a second and unit of surplus: when the sample does not fit, by the corrections, and by those of an
- * anchor that is shaken. */
+/* Variance of the jerk with which a ribbon at rest starts; the least, in general, of the rotation of an
+ * anchor that is shaken, and in units of the liveliest, which takes the others along. */
+#define JERK_STILL  1e-4
+#define JERK_MIN    3e-6
+#define JERK_SHAKEN 2e-4
+#define JERK_LEAK   0.02
+#define JERK_MAX    100.0
+
+/* Change a second and unit of surplus: when the sample does not fit, and by the corrections. */
 #define JERK_RATE_ALL    80.0
 #define JERK_RATE        15.0
-#define JERK_RATE_SHAKEN 1.0
 #define MISFIT_GOAL      1.2
 #define FIELD_MISFIT_MAX 1.5
 
@@ -204,13 +204,13 @@ static void judge_jerk(struct ribbon_motion_tracker *t, double dt_s) {
         double *jerk = &t->scales.jerk[i], *test = &t->jerk_test[i];
         mix(test, each[i], newest(dt_s, MISFIT_FADE_S));
         double all = *test > 1.0 ? fmax(0.0, *jerk < 1.0 ? fmax(force, field) : force) : 0.0;
-        double own =
-            drift * (fmin(sum[i], DRIFT_MAX) - 1.0) + (1.0 - drift) * (fmin(*test, SURPLUS_MAX) - 1.0);
-        /* Of the rotation of an anchor that is shaken, corrections tell little. */
-        bool root = i < RIBBON_MOTION_JERK_TWIST;
-        double rate = root ? JERK_RATE + anchor * (JERK_RATE_SHAKEN - JERK_RATE) : JERK_RATE;
-        *jerk *= exp(dt_s * (JERK_RATE_ALL * (1.0 - anchor) * all + rate * own));
-        *jerk = fmin(JERK_MAX, fmax(root ? fmax(JERK_MIN, least * (1.0 - anchor)) : least, *jerk));
+        /* An anchor that is shaken in ways the model does not know makes corrections of its rotation, too. */
+        double shaken = i < RIBBON_MOTION_JERK_TWIST ? anchor : 0.0;
+        double own = drift * (fmin(sum[i], DRIFT_MAX) - 1.0) +
+                     (1.0 - drift) * (fmin(*test / (1.0 + shaken), SURPLUS_MAX) - 1.0);
+        *jerk *= exp(dt_s * (JERK_RATE_ALL * (1.0 - anchor) * all + JERK_RATE * own));
+        double floor = fmax(fmax(JERK_MIN, JERK_SHAKEN * shaken), least * (1.0 - shaken));
+        *jerk = fmin(JERK_MAX, fmax(floor, *jerk));
     }
 }
 
