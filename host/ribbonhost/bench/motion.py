@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from ribbonhost.bench.motion_comb import CombResult
     from ribbonhost.bench.motion_results import Result
 
 MARKDOWN_HEADER = (
@@ -40,7 +41,7 @@ def motion(
 
     from ribbonhost.bench.motion_cases import goals, scene_goals
     from ribbonhost.bench.motion_comb import evaluate_comb
-    from ribbonhost.bench.motion_results import as_json, evaluate
+    from ribbonhost.bench.motion_results import as_json, coverage_of, evaluate
     from ribbonhost.bench.motion_speed import speed_of
     from ribbonhost.errors import RibbonError
 
@@ -65,20 +66,26 @@ def motion(
         typer.echo(str(error), err=True)
         raise typer.Exit(1) from None
     speed = speed_of(results)
+    coverage = coverage_of(results)
     failures += speed.failures() + (comb.failures() if comb else [])
+    # A few cases say little of it.
+    failures += coverage.failures() if coverage and not only else []
     if json_output:
         summary = {
             "cases": [as_json(result) for result in results],
             "comb": dataclasses.asdict(comb) if comb else None,
+            "coverage_percent": dataclasses.asdict(coverage) if coverage else None,
             "speed": dataclasses.asdict(speed),
             "failures": failures,
         }
         typer.echo(json.dumps(summary))
     else:
         if comb:
+            typer.echo(_comb_row(comb) if markdown else _comb_line(comb))
+        if coverage:
             typer.echo(
-                f"{'comb of five and its reference, wing 2 s':50} {comb.level:8.3f} {comb.live:15.3f} "
-                f"{comb.two_sided:15.3f}"
+                "\nInside the 95 % region, over the cases that the model covers: "
+                f"live {coverage.live:.1f} %, two-sided {coverage.two_sided:.1f} %."
             )
         typer.echo(
             f"\nSix ribbons at 100 Hz: live {speed.live_percent:.0f} % of a core; two-sided "
@@ -114,6 +121,17 @@ def _row(result: "Result") -> str:
         f"| {result.goal.case.name}{lagged} | {result.mean('level'):.3f} | {' | '.join(errors)} | "
         f"{result.coverage_live:.1f} | {result.coverage_two_sided:.1f} |"
     )
+
+
+COMB = "comb of five and its reference, wing 2 s"
+
+
+def _comb_line(comb: "CombResult") -> str:
+    return f"{COMB:50} {comb.level:8.3f} {comb.live:7.3f}         {comb.two_sided:7.3f}"
+
+
+def _comb_row(comb: "CombResult") -> str:
+    return f"| {COMB} | {comb.level:.3f} | {comb.live:.3f} | | {comb.two_sided:.3f} | | | |"
 
 
 def _plot(result: "Result", folder: Path) -> None:

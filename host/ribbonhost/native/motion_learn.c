@@ -34,7 +34,7 @@
 #define JERK_STILL  1e-4
 #define JERK_MIN    3e-6
 #define JERK_SHAKEN 2e-4
-#define JERK_LEAK   0.02
+#define JERK_LEAK   0.01
 #define JERK_MAX    100.0
 
 /* Change a second and unit of surplus: when the sample does not fit, and by the corrections. */
