@@ -26,6 +26,7 @@ def motion(
         str | None, typer.Option(metavar="SCENE", help="Only this scene: sea, wing, breath, or a file.py.")
     ] = None,
     period: Annotated[float, typer.Option(metavar="S", help="Period of that scene, seconds.")] = 2.0,
+    axes: Annotated[int, typer.Option(min=2, max=3, help="Axes of the magnetometers.")] = 2,
     only: Annotated[str, typer.Option(metavar="TEXT", help="Only cases with this in their name.")] = "",
     plots: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Save a plot of each case there; needs matplotlib.")
@@ -45,7 +46,11 @@ def motion(
     from ribbonhost.bench.motion_speed import speed_of
     from ribbonhost.errors import RibbonError
 
-    wanted = [goal for goal in (scene_goals(scene, period) if scene else goals()) if only in goal.case.name]
+    wanted = [
+        dataclasses.replace(goal, case=dataclasses.replace(goal.case, axes=axes))
+        for goal in (scene_goals(scene, period) if scene else goals())
+        if only in goal.case.name
+    ]
     if not wanted:
         typer.echo(f'No case has "{only}" in its name; without --only all are run.', err=True)
         raise typer.Exit(2)
@@ -61,7 +66,7 @@ def motion(
                 typer.echo((HEADER + "\n" if len(results) == 1 else "") + _line(result))
             if plots:
                 _plot(result, plots)
-        comb = None if scene or only else evaluate_comb()
+        comb = None if scene or only else evaluate_comb(axes=axes)
     except RibbonError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(1) from None

@@ -1,5 +1,6 @@
 """From a true motion to samples: emulated sensors, firmware, RAW and ORIENT packets in virtual time."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +61,7 @@ def record(case: Case) -> Recording:
         ribbon.add_fault(Fault(FaultKind.ABSENT, slot, START_UP_S + 1.0))
     packets = run_ribbon(ribbon, START_UP_S + case.seconds)
     samples, params = collect(packets, calibration)
+    params = dataclasses.replace(params, field_axes=case.axes)
     first = int(np.searchsorted(samples.t_s, 0.0))
     return Recording(on_the_way(case, samples[first:]), truth, params)
 
@@ -84,7 +86,9 @@ def _calibrated_ribbon(case: Case) -> "tuple[Device, wire.Calibration]":
     from ribbonhost.bench.calibration import calibrate_ribbon, drawn_devices
 
     devices = drawn_devices(case.seed)
-    calibrated = calibrate_ribbon(devices, case.ribbon, Handling(seed=100 * case.seed + case.ribbon))
+    calibrated = calibrate_ribbon(
+        devices, case.ribbon, Handling(seed=100 * case.seed + case.ribbon), case.axes
+    )
     return calibrated.device, calibrated.result.record
 
 

@@ -35,9 +35,9 @@ class CombResult:
 
 
 def evaluate_comb(
-    scene: str = "wing", period_s: float = 2.0, seconds: float = 6.0, seed: int = 0
+    scene: str = "wing", period_s: float = 2.0, seconds: float = 6.0, seed: int = 0, axes: int = 2
 ) -> CombResult:
-    """Runs RIBBONS ribbons and their reference. Raises SceneError for a scene that cannot be."""
+    """Runs RIBBONS ribbons and their reference; axes: of the magnetometers. Raises SceneError for a scene that cannot be."""
     from ribbonhil.ribbon import Device, EmulatedRibbon
     from ribbonhil.scenes import load_scene
     from ribbonhil.truth import comb_truth
@@ -52,7 +52,8 @@ def evaluate_comb(
         )
         for index in range(RIBBONS + 1)
     ]
-    recorded, params = [samples for samples, _ in collected], collected[0][1]
+    recorded = [samples for samples, _ in collected]
+    params = dataclasses.replace(collected[0][1], field_axes=axes)
     t_s = recorded[0].t_s
     counted = t_s >= COUNTED_S
     true_m = truth.node_from_anchor_m(t_s + START_UP_S)

@@ -23,7 +23,7 @@ class Case:
     anchor: "held" (the scene's motion there is taken away), "scene" (left as it is), "shaken" (held, and in
     addition 0.3 g RMS between 0.5 and 3 Hz) or "carried" (held, and walked through a room).
     trouble: names of what is wrong, see motion_trouble. is_calibrated: the parts have the errors of parts off
-    the shelf, and were calibrated; else they have none.
+    the shelf, and were calibrated; else they have none. axes: of the magnetometers, 2 or 3.
     """
 
     name: str
@@ -36,6 +36,7 @@ class Case:
     ribbon: int = 3
     seed: int = 0
     is_calibrated: bool = False
+    axes: int = 2
 
 
 @dataclass(frozen=True, eq=False)
