@@ -37,7 +37,10 @@ class CombResult:
 def evaluate_comb(
     scene: str = "wing", period_s: float = 2.0, seconds: float = 6.0, seed: int = 0, axes: int = 2
 ) -> CombResult:
-    """Runs RIBBONS ribbons and their reference; axes: of the magnetometers. Raises SceneError for a scene that cannot be."""
+    """Runs RIBBONS ribbons and their reference. Raises SceneError for a scene that cannot be.
+
+    axes: of the magnetometers.
+    """
     from ribbonhil.ribbon import Device, EmulatedRibbon
     from ribbonhil.scenes import load_scene
     from ribbonhil.truth import comb_truth
