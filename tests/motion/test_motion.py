@@ -113,14 +113,27 @@ def test_ribbons_estimated_together_are_as_alone(wing: tuple[Samples, MotionPara
         both = Samples(
             **{name: np.concatenate([getattr(p, name)[k : k + 1] for p in parts]) for name in names}
         )
-        together = update_each(ribbons, both, helpers)
+        together = update_each(ribbons, both, np.zeros(2), helpers)
         for row, one in enumerate(alone):
             assert one is not None
             assert together.status[row] == one.status[k]
             np.testing.assert_allclose(together.q_world_node[row], one.q_world_node[k], atol=1e-9)
             np.testing.assert_allclose(together.sigma_rad[row], one.sigma_rad[k], rtol=1e-6)
     with pytest.raises(ValueError, match="increasing times"):
-        update_each(ribbons, both, helpers)
+        update_each(ribbons, both, np.zeros(2), helpers)
+
+
+def test_motion_is_carried_on_from_the_readings(wing: tuple[Samples, MotionParams, object]) -> None:
+    samples, params, truth = wing
+    ahead_s, error = np.array([0.017]), []
+    ribbon, helpers = LiveMotion(params), Helpers(0)
+    for k in range(len(samples)):
+        motion = update_each([ribbon], samples[k : k + 1], ahead_s, helpers)
+        assert motion.t_s[0] == samples.t_s[k] + 0.017
+        error.append(error_percent(motion.position_m, truth, motion.t_s)[0])
+    assert np.mean(error[100:]) <= 0.04
+    moved = error_percent(motion.position_m, truth, motion.t_s - 0.017)
+    assert moved > 0.5
 
 
 def test_a_lag_makes_estimates_later_and_better(wing: tuple[Samples, MotionParams, object]) -> None:

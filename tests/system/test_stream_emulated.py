@@ -75,7 +75,8 @@ def test_a_comb_in_motion_is_estimated_with_what_the_calibrations_say() -> None:
     for ribbon in reports[-1]["report"]["ribbons"]:
         assert ribbon["motion"]["estimated"] > 20
         assert ribbon["motion"]["restarts"] == 0
-    assert last["summary"]["age_ms"] > last["summary"]["latency_ms"]["p50"] + 3
+    # An estimate is of the end of its scan, however old the readings are by then.
+    assert last["summary"]["age_ms"] == pytest.approx(last["summary"]["latency_ms"]["p50"], abs=0.5)
     assert last["summary"]["error_percent"]["mean"] < 0.15
 
 

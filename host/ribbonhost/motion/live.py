@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ribbonhost.motion.model import Motion, MotionParams, Samples, join
+from ribbonhost.motion.model import Float64, Motion, MotionParams, Samples, join
 from ribbonhost.motion.sharing import Helpers
 from ribbonhost.motion.tracker import Tracker, follow_each
 
@@ -54,10 +54,13 @@ class LiveMotion:
         return join(due) if due else None
 
 
-def update_each(ribbons: Sequence[LiveMotion], samples: Samples, helpers: Helpers) -> Motion:
-    """Takes the next sample of each of several ribbons of as many nodes, estimated without lag.
+def update_each(
+    ribbons: Sequence[LiveMotion], samples: Samples, ahead_s: Float64, helpers: Helpers
+) -> Motion:
+    """Takes the next sample of each of several ribbons of as many nodes; estimates the motion ahead of it.
 
-    Row i of the samples and of the motion is of ribbons[i]; the ribbons are shared by threads. Raises
-    ValueError for arrays that cannot be, and if a ribbon's times do not increase.
+    Row i of the samples and of the motion is of ribbons[i]; the ribbons are shared by threads. ahead_s: (R,)
+    not negative, by which the motion is carried on from the sample. Raises ValueError for arrays that cannot
+    be, and if a ribbon's times do not increase.
     """
-    return follow_each([ribbon._tracker for ribbon in ribbons], samples, helpers)
+    return follow_each([ribbon._tracker for ribbon in ribbons], samples, ahead_s, helpers)

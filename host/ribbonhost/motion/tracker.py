@@ -115,6 +115,20 @@ class Tracker:
     def _output(self, first: int, last: int, nodes: Any) -> None:
         lib.ribbon_motion_step_outputs(self._model, last - first, self._steps + 1 + first, nodes, self._work)
 
+    def _output_at(self, c_sample: Any, nodes: Any) -> None:
+        """The motion at the time of a sample that has not been taken, from the newest that was."""
+        step = self._steps + self.count
+        if step.status == Status.WAITING:
+            return
+        if lib.ribbon_motion_advance(
+            self._model, c_sample, ffi.addressof(self._tracker, "scales"), step, step
+        ):
+            self._output(self.count - 1, self.count, nodes)  # it is no later
+            return
+        lib.ribbon_motion_output(
+            self._model, ffi.addressof(step, "predicted"), step.predicted_covariance, nodes, self._work
+        )
+
     def smoothed(self, first: int, last: int) -> Motion:
         """The motion at the kept samples [first, last), each from all samples kept."""
         count = self.count - first
@@ -143,12 +157,12 @@ class Tracker:
         return motion_of(nodes, last - first, status, t_s, self.params.node_count)
 
 
-def follow_each(trackers: Sequence[Tracker], samples: Samples, helpers: Helpers) -> Motion:
-    """The motion at the next sample of each of several ribbons of as many nodes; row i is of trackers[i].
+def follow_each(trackers: Sequence[Tracker], samples: Samples, ahead_s: Float64, helpers: Helpers) -> Motion:
+    """The motion of each of several ribbons of as many nodes, so much later than its next sample.
 
-    The trackers must keep no samples, and do not keep these. The C library works without the interpreter's
-    lock. Raises ValueError for arrays that cannot be, and for a time that is not later than that of the
-    sample before.
+    Row i is of trackers[i]. ahead_s: (R,) not negative. The trackers must keep no samples, and do not keep
+    these. The C library works without the interpreter's lock. Raises ValueError for arrays that cannot be,
+    and for a time that is not later than that of the sample before.
     """
     count, node_count = len(trackers), trackers[0].params.node_count
     before = [tracker._before(samples, row) for row, tracker in enumerate(trackers)]
@@ -162,13 +176,14 @@ def follow_each(trackers: Sequence[Tracker], samples: Samples, helpers: Helpers)
     def follow(row: int) -> None:
         tracker = trackers[row]
         tracker._run(c_samples + row, 1)
-        tracker._output(0, 1, nodes + row)
+        c_samples[row].t_s += ahead_s[row]
+        tracker._output_at(c_samples + row, nodes + row)
         tracker._last = samples.force_mps2[row], float(samples.t_s[row])
         status[row] = tracker._steps[1].status
         tracker.forget(1)
 
     helpers.share(follow, count)
-    return motion_of(nodes, count, status, samples.t_s, node_count)
+    return motion_of(nodes, count, status, samples.t_s + ahead_s, node_count)
 
 
 def _force_change_mps3(samples: Samples, force_mps2: Float64, t_s: Float64) -> Float64:

@@ -24,7 +24,7 @@ from ribbonhost.pipeline.poses import (
     device_poses,
     reading_of,
 )
-from ribbonhost.pipeline.readings import Calibrations, Readings, Ribbons, read_s, samples_of
+from ribbonhost.pipeline.readings import Calibrations, Readings, Ribbons, age_s, read_s, samples_of
 
 
 def source_of(
@@ -45,7 +45,7 @@ def source_of(
 
 
 class LivePoses:
-    """Estimates each scan from the readings up to it. Not for several threads at once.
+    """Estimates each scan, at its end, from the readings up to it. Not for several threads at once.
 
     What it makes depends on the scans and their order only.
 
@@ -91,7 +91,7 @@ class LivePoses:
             there = [read for read in reads if read]
             motion = self._update([ribbons[row] for row in rows], there, known_mps2[rows])
             for i, (row, read) in enumerate(zip(rows, there, strict=True)):
-                poses[row] = pose_of(motion, i, read_s(read))
+                poses[row] = pose_of(motion, i, read.t_host_s)
         return [
             ribbon.counted(scan, pose)
             for ribbon, scan, pose in zip(ribbons, scans.values(), poses, strict=True)
@@ -100,7 +100,10 @@ class LivePoses:
     def _update(self, ribbons: Sequence["_Ribbon"], reads: Sequence[Scan], known_mps2: Float64) -> Motion:
         sampler = self._sampler_of_each(tuple(ribbon.readings.sampler for ribbon in ribbons))
         samples = replace(samples_of(sampler, reads), anchor_mps2=known_mps2)
-        return update_each([ribbon.motion for ribbon in ribbons if ribbon.motion], samples, self._helpers)
+        # The readings are some time old when their scan ends, and the frame is of that moment.
+        ahead_s = np.array([age_s(read) for read in reads])
+        motions = [ribbon.motion for ribbon in ribbons if ribbon.motion]
+        return update_each(motions, samples, ahead_s, self._helpers)
 
     def _known_mps2(self, scans: Mapping[int, Scan]) -> Float64:
         """(R, 3) acceleration of the places where ribbons start: that of the reference there and then."""

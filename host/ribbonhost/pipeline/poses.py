@@ -40,8 +40,8 @@ class Moving:
 class Pose:
     """A ribbon of n nodes at one moment.
 
-    t_host_s: the moment: that of the readings for what is estimated from them, the end of the scan for what
-        the device says, which it extrapolates.
+    t_host_s: the moment: the end of the scan, to which the device extrapolates and an estimate is carried on;
+        that of the readings for what is estimated two-sided.
     q_world_node: (n, 4) unit. known: (n,) nodes that have an orientation. sigma_rad: (n,) its standard
         deviation, worst axis; NaN where that is not known.
     moving: None if the orientations are the device's.

@@ -43,9 +43,14 @@ class Ribbons:
         return Readings(self.arrangement.places[index], self.rate_hz, self.calibrations, self.on_event)
 
 
+def age_s(scan: Scan) -> float:
+    """How old the accelerometers' readings are when their scan ends, on average."""
+    return 1e-6 * scan.raw.accel_age_us if scan.raw else 0.0
+
+
 def read_s(scan: Scan) -> float:
     """Host time of the accelerometers' readings of a scan, on average."""
-    return scan.t_host_s - (1e-6 * scan.raw.accel_age_us if scan.raw else 0.0)
+    return scan.t_host_s - age_s(scan)
 
 
 def without_readings(raw: wire.Raw) -> wire.Raw:
