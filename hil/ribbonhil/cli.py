@@ -86,7 +86,7 @@ def serve(
             min=0,
             max=65535,
             metavar="PORT",
-            help="TCP port that takes faults from `ribbonhil check`; 0: any that is free.",
+            help="TCP port of 127.0.0.1 that takes faults from `ribbonhil check`; 0: any that is free.",
         ),
     ] = None,
     comb: Annotated[

@@ -21,7 +21,11 @@ from ribbonhost.wire import SLOT_MAX
 from ribbonhil.faults import BUS, FaultKind
 from ribbonhil.serve import listen
 
+ADDRESS = "127.0.0.1"
+"""Whoever can make faults can spoil a measurement: programs of this machine only."""
 REQUEST_BYTES = 1000
+ANSWER_BYTES = 4000
+CLIENTS_MAX = 16
 SECONDS_MAX = 60.0
 TIMEOUT_S = 5.0
 WHOLE_STRING = (FaultKind.MISO_LOW, FaultKind.MISO_HIGH)
@@ -30,15 +34,15 @@ Make = Callable[[str, FaultKind, int, float], None]
 
 
 class FaultPort:
-    """A listening TCP port that takes requests from any number of clients."""
+    """A TCP port of this machine that takes requests from up to CLIENTS_MAX clients; more are hung up on."""
 
-    def __init__(self, address: str, port: int, make: Make) -> None:
+    def __init__(self, port: int, make: Make) -> None:
         """make(serial, kind, slot, seconds) makes a fault, and raises ValueError for one that it cannot make.
 
         Port 0 takes any free one. Raises UsageError if the port cannot be had.
         """
-        self._listener = listen(address, port)
-        self.address = f"{address}:{self._listener.getsockname()[1]}"
+        self._listener = listen(ADDRESS, port)
+        self.address = f"{ADDRESS}:{self._listener.getsockname()[1]}"
         self._make = make
         self._clients: dict[socket.socket, bytearray] = {}
         self._selector: selectors.BaseSelector | None = None
@@ -57,7 +61,13 @@ class FaultPort:
         self._listener.close()
 
     def _accept(self) -> None:
-        client, _ = self._listener.accept()
+        try:
+            client, _ = self._listener.accept()
+        except OSError:  # it hung up again meanwhile
+            return
+        if len(self._clients) >= CLIENTS_MAX:
+            client.close()
+            return
         client.setblocking(False)
         self._clients[client] = bytearray()
         if self._selector is not None:
@@ -96,14 +106,19 @@ def _request(line: bytes) -> tuple[str, FaultKind, int, float]:
     try:
         wanted: Any = json.loads(line)
         serial, kind = str(wanted["serial"]), FaultKind[str(wanted["kind"]).upper()]
-        slot, seconds = int(wanted["slot"]), float(wanted["seconds"])
+        slot, seconds = wanted["slot"], float(wanted["seconds"])
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise ValueError(f"no request for a fault: {type(error).__name__}") from error
     if not (math.isfinite(seconds) and 0.0 < seconds <= SECONDS_MAX):
         raise ValueError(f"a fault lasts up to {SECONDS_MAX:g} s, not {seconds:g}")
-    if not 0 <= slot < SLOT_MAX:
-        raise ValueError(f"there is no slot {slot}")
+    if type(slot) is not int or not 0 <= slot < SLOT_MAX:
+        raise ValueError(f"slot must be a whole number below {SLOT_MAX}")
     return serial, kind, BUS if kind in WHOLE_STRING else slot, seconds
+
+
+def _reason(answer: Any) -> str:
+    """Why a request was refused, as far as the answer says."""
+    return str(answer["error"]) if isinstance(answer, dict) and "error" in answer else f"it answers {answer}"
 
 
 class FaultClient:
@@ -136,11 +151,11 @@ class FaultClient:
                 request["slot"] = 0
             try:
                 self._socket.sendall(json.dumps(request).encode() + b"\n")
-                answer = json.loads(self._lines.readline())
-            except (OSError, ValueError) as error:
+                answer = json.loads(self._lines.readline(ANSWER_BYTES))
+            except (OSError, ValueError, RecursionError) as error:
                 raise LinkError(f"{self._address} does not answer when asked for a fault: {error}") from error
-            if "error" in answer:
-                raise LinkError(f"{self._address} makes no fault: {answer['error']}")
+            if answer != {"ok": True}:
+                raise LinkError(f"{self._address} makes no fault: {_reason(answer)}")
             return time.monotonic() + duration_s
 
         return inject

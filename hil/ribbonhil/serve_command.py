@@ -80,7 +80,7 @@ def run_serve(
                 endpoints.append(PtyEndpoint(to_line(line)))
         others = []
         if options.faults_port is not None:
-            others.append(FaultPort(options.address, options.faults_port, fault_maker(comb)))
+            others.append(FaultPort(options.faults_port, fault_maker(comb)))
         address = others[0].address if others else ""
         on_start(comb_text(comb), [endpoint.url for endpoint in endpoints], address)
         serve(lines, endpoints, on_change, options.seconds, others)

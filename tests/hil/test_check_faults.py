@@ -12,8 +12,9 @@ from collections.abc import Iterator
 
 import pytest
 from ribbonhil.check.provoke import HOLD_S, Injector, Person, comb_of, injector_of
-from ribbonhil.fault_port import REQUEST_BYTES, FaultPort
+from ribbonhil.fault_port import CLIENTS_MAX, REQUEST_BYTES, FaultClient, FaultPort
 from ribbonhil.faults import BUS, FaultKind
+from ribbonhost.errors import LinkError
 
 GOOD = {"serial": "aa", "kind": "absent", "slot": 4, "seconds": 0.5}
 
@@ -23,7 +24,7 @@ class Port:
 
     def __init__(self) -> None:
         self.made: list[tuple[str, FaultKind, int, float]] = []
-        self.port = FaultPort("127.0.0.1", 0, self._make)
+        self.port = FaultPort(0, self._make)
         self.selector = selectors.DefaultSelector()
         self.port.attach(self.selector)
         host, _, number = self.port.address.rpartition(":")
@@ -76,6 +77,8 @@ def test_request_is_carried_out_and_acknowledged(port: Port) -> None:
         json.dumps(GOOD | {"slot": 64}).encode(),
         json.dumps(GOOD | {"slot": -1}).encode(),
         json.dumps(GOOD | {"slot": math.inf}).encode(),
+        json.dumps(GOOD | {"slot": 4.7}).encode(),
+        json.dumps(GOOD | {"slot": True}).encode(),
         json.dumps(GOOD | {"seconds": 0}).encode(),
         json.dumps(GOOD | {"seconds": math.nan}).encode(),
         json.dumps(GOOD | {"seconds": 1e9}).encode(),
@@ -94,6 +97,34 @@ def test_line_without_end_is_hung_up_on(port: Port) -> None:
     with contextlib.suppress(ConnectionResetError):  # what was sent and not read makes it so
         assert port.client.recv(100) == b""
     port.serve()
+
+
+def test_only_programs_of_this_machine_reach_it_and_not_too_many(port: Port) -> None:
+    host, _, number = port.port.address.rpartition(":")
+    assert host == "127.0.0.1"
+    port.serve()
+    with contextlib.ExitStack() as stack:
+        clients = [
+            stack.enter_context(socket.create_connection((host, int(number)), timeout=5))
+            for _ in range(CLIENTS_MAX)
+        ]
+        port.serve()
+        assert clients[-1].recv(100) == b""
+        assert port.ask(json.dumps(GOOD).encode() + b"\n") == {"ok": True}
+
+
+@pytest.mark.parametrize(
+    "answer", [b"", b"5\n", b"null\n", b"{}\n", b"[" * 3000 + b"\n", b'{"error": "no"}\n']
+)
+def test_answer_that_is_no_consent_is_an_error(answer: bytes) -> None:
+    with contextlib.ExitStack() as stack:
+        listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        client = stack.enter_context(FaultClient(f"127.0.0.1:{listener.getsockname()[1]}"))
+        peer = stack.enter_context(listener.accept()[0])
+        peer.sendall(answer)
+        peer.shutdown(socket.SHUT_WR)
+        with pytest.raises(LinkError):
+            client.injector("aa")(FaultKind.ABSENT, 4, 0.5)
 
 
 def test_injector_of_a_url_makes_faults_in_the_comb_of_the_url() -> None:
