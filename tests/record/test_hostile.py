@@ -95,6 +95,13 @@ def test_a_file_that_ends_anywhere_gives_what_came_before(small: bytes, tmp_path
     played(path)
 
 
+def test_a_file_of_another_kind_is_told_from_one_that_was_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"garbage\n")
+    with pytest.raises(RibbonError, match="is not an MCAP file"):
+        is_complete(path)
+
+
 @QUICK
 @given(values=st.dictionaries(st.sampled_from(sorted(HEADER.to_metadata())), st.text(max_size=30)))
 def test_a_header_that_cannot_be_is_refused(tmp_path: Path, values: dict[str, str]) -> None:

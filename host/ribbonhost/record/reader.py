@@ -94,8 +94,13 @@ class Event(Item):
 
 
 def is_complete(path: Path) -> bool:
-    """Whether the file ends as one that was closed. Raises RecordingError if it cannot be read."""
+    """Whether the file ends as one that was closed.
+
+    Raises RecordingError if it cannot be read or is no MCAP file.
+    """
     with _opened(path) as file:
+        if not MCAP0_MAGIC.startswith(file.read(len(MCAP0_MAGIC))):
+            raise RecordingError(f"{path} is no recording: it is not an MCAP file")
         size = os.fstat(file.fileno()).st_size
         if size < _END_BYTES:
             return False
