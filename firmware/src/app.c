@@ -80,8 +80,9 @@ static void fill_fusion_input(struct app *app, float dt_s) {
 
 static void scan(struct app *app) {
     const uint32_t start_us = board_now_us(app->board);
-    sensor_string_read(&app->string, app->board, &app->calibration);
-    const uint32_t t_us = board_now_us(app->board);
+    const uint32_t t_us = sensor_string_read(&app->string, app->board);
+    /* Judging takes longer at times, which must not move the time that the readings are of. */
+    sensor_string_judge(&app->string, &app->calibration, t_us);
     const uint32_t scan_us = t_us - start_us;
     app->scan_us = scan_us < UINT16_MAX ? (uint16_t)scan_us : UINT16_MAX;
 

@@ -184,10 +184,13 @@ static void judge(struct sensor_string *string, const struct calibration *calibr
     }
 }
 
-void sensor_string_read(struct sensor_string *string, struct board *board,
-                        const struct calibration *calibration) {
+uint32_t sensor_string_read(struct sensor_string *string, struct board *board) {
     walk(string, board, SLOT_PASS_READ);
-    const uint32_t now_us = board_now_us(board);
+    return board_now_us(board);
+}
+
+void sensor_string_judge(struct sensor_string *string, const struct calibration *calibration,
+                         uint32_t now_us) {
     const float horizontal_ut = calibration->values.field_horizontal_ut;
     const float down_ut = calibration->values.field_down_ut;
     judge(string, calibration, 0u, STANDARD_GRAVITY_MPS2, now_us);

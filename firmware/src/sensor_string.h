@@ -33,10 +33,12 @@ void sensor_string_set_rate(struct sensor_string *string, struct board *board, u
  * passes. */
 void sensor_string_start(struct sensor_string *string, struct board *board);
 
-/* Reads all slots in one pass, judges what was read and fills `reading`; slots[i].reason tells which are
- * usable. */
-void sensor_string_read(struct sensor_string *string, struct board *board,
-                        const struct calibration *calibration);
+/* Reads all slots in one pass. Returns when that was done. */
+uint32_t sensor_string_read(struct sensor_string *string, struct board *board);
+
+/* Judges what was read at now_us and fills `reading`; slots[i].reason tells which are usable. */
+void sensor_string_judge(struct sensor_string *string, const struct calibration *calibration,
+                         uint32_t now_us);
 
 /* Tells that readings are calibrated otherwise from now on. */
 void sensor_string_recalibrated(struct sensor_string *string);
