@@ -92,8 +92,8 @@ class CombReport:
         surfaces: frames with a surface: the reference and at least two other ribbons were there.
         surfaces_per_s: over the last interval.
         latency_p50_s, latency_p99_s: from the end of the oldest scan of a frame to the result in memory.
-        age_p50_s: from the moment that a frame shows to the result in memory: the latency, and how old the
-            readings are at the end of their scan.
+        age_p50_s: from the moment that a frame shows to the result in memory: the latency, and,
+            two-sided, how old the readings are at the end of their scan.
         lambda_limited: transversals that were held at their smallest tangent.
         unsolved: frames that could not be reconstructed.
         dropped: scans that came faster than they could be reconstructed.

@@ -17,8 +17,8 @@ class Tally:
         lambda_limited: transversals held at their smallest tangent.
         unsolved: frames that could not be reconstructed.
         latency: from the end of the oldest scan of a frame to the result in memory.
-        age: from the moment that a frame shows to the result in memory: the latency, and how old the readings
-            are at the end of their scan.
+        age: from the moment that a frame shows to the result in memory: the latency, and, two-sided,
+            how old the readings are at the end of their scan.
         ribbon_latency: the same as latency for the scans of each ribbon.
         scan_spread: how far apart the scans of a frame ended.
     """
